@@ -25,7 +25,7 @@ from unittest.mock import patch
 
 import apsw
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import ideal_bench

@@ -44,7 +44,7 @@ def shape_factor(probability: float, index: ArrayLike) -> FloatArray:
     The sum is replaced by the symmetric distribution of Pearson's family that has its kurtosis: Student's t if the
     tails are longer than normal, which is the formula of Welch and Satterthwaite, and a beta distribution (type II) if
     they are shorter. For one rectangular error it is exact. Simulated sums are covered with 94.6 to 95.8 %, and with
-    more where an arcsine error dominates (tests/test_shapes.py).
+    more where an arcsine error dominates (tests/fitter/test_shapes.py).
 
     Args:
         probability: coverage probability, 0.94 to 0.96.

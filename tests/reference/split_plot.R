@@ -1,4 +1,4 @@
-# Reference values for tests/test_split_plot_reference.py. Run in this directory:
+# Reference values for tests/fitter/test_split_plot_reference.py. Run in this directory:
 #   Rscript split_plot.R > split_plot.json
 # The designs and responses are generated here and in the test from the same rules (Park and Miller's generator is
 # exact in double precision); only the answers are stored.

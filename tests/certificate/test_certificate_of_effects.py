@@ -1,0 +1,130 @@
+"""Certificates of runs in which the trace found an effect beside the declared model."""
+
+from __future__ import annotations
+
+from datetime import date
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from command import rig
+
+from fitter.rounding import rounded_df
+from rig.certificate.html import html
+from rig.closed_loop.budget import budget_run
+from rig.results.certificate import Asked, Made, make
+from rig.results.certified_runs import read_run
+
+LAB = Path(__file__).parents[2] / "examples" / "load-cell-lab"
+DAY = date(2026, 11, 24)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("cell")
+    files = (str(LAB / name) for name in ("procedure.toml", "bench.toml", "world.toml"))
+    procedure, bench, world = files
+    rig("run", procedure, "--bench", bench, "--world", world, "--dry", "--out", str(folder))
+    (found,) = folder.glob("*.sqlite")
+    return found
+
+
+@pytest.fixture(scope="module")
+def declared(run) -> Made:
+    return make(Asked((run,), DAY, settings=LAB / "certificate.toml"))
+
+
+@pytest.fixture(scope="module")
+def traced(run) -> Made:
+    return make(Asked((run,), DAY, settings=LAB / "certificate.toml", traced=True))
+
+
+def at_rest(F: float) -> float:
+    """Output of the example's world without its creep, V."""
+    return 0.0123 + 0.50021 * F - 0.000004 * F**2
+
+
+def _outputs(made: Made) -> dict[float, object]:
+    (table,) = made.document.tables
+    ones = [one for one in table.results if one.label.startswith("output")]
+    return {float(one.label.split()[-2]): one for one in ones}
+
+
+@pytest.mark.parametrize("F", [2.0, 5.0, 10.0])
+def test_a_result_is_within_its_uncertainty_of_the_curve_at_rest(declared, traced, F):
+    for made in (declared, traced):
+        one = _outputs(made)[F]
+        assert abs(one.estimate - at_rest(F)) < one.factor * one.standard
+
+
+def test_a_traced_certificate_has_the_numbers_of_the_traced_budget(run, traced):
+    at = [{"force_kN": F} for F in (2, 5, 10)]
+    budget = budget_run(run, at=at, options={"traced": True})
+    found = {one.name: one for table in traced.document.tables for one in table.results}
+    for one in budget.budgets:
+        assert (found[one.name].estimate, found[one.name].standard) == (one.value, one.standard_uncertainty)
+    (model,) = traced.document.models
+    assert "with the effects that were found (cell: creep:force_kN)" in model
+    assert "lies within it with the stated coverage probability" in html(traced.document)
+
+
+def test_without_acceptance_the_effect_is_a_line_of_each_result_that_it_moves(declared, traced):
+    other = {one.name: one for one in traced.budgets[0].budgets}
+    for one in declared.budgets[0].budgets:
+        (line,) = [c for c in one.contributions if c.name == "effects beside the declared model: creep:force_kN"]
+        assert line.kind == "B"
+        if "inferred" not in one.name:
+            assert line.standard_uncertainty >= abs(one.value - other[one.name].value)
+    inferred = next(one for one in declared.budgets[0].budgets if one.name == "cell inferred force at force 10 kN")
+    (line,) = [c for c in inferred.contributions if c.name.startswith("effects beside")]
+    assert line.standard_uncertainty > 0.0025  # 1.5 mV over 0.5 V/kN
+
+
+def test_type_a_is_of_three_replications_and_up_and_down_have_a_line(declared, traced):
+    """63 readings in three replications, up and down 2.5 mV apart at 5 kN: not 60 degrees of freedom, and no secret."""
+    (one,) = [one for one in declared.budgets[0].budgets if one.name == "cell output at force 5 kN"]
+    lines = {line.name: line for line in one.contributions}
+    assert lines["scatter of readings"].df == pytest.approx(2.0, abs=0.01)
+    assert lines["reversibility of cell_V"].standard_uncertainty == pytest.approx(0.0025 / 12**0.5, rel=0.05)
+    every = [line.name for one in traced.budgets[0].budgets for line in one.contributions]
+    assert "reversibility of cell_V" not in every  # without the creep they do not differ
+    notes = " ".join(declared.document.notes)
+    assert "by the results of 3 replications" in notes
+    assert "rising and falling series differ" in notes
+
+
+def test_without_acceptance_the_page_does_not_say_that_the_value_lies_within(declared):
+    page = html(declared.document)
+    assert "lies within it with the stated coverage probability" not in page
+    assert "rig certificate RUN --traced" in page
+    assert "force_kN²: coefficients of the declared model over the range of this run" in page
+    assert "no properties of the item" in page
+
+
+def test_conformity_counts_the_effect(declared, traced, run, tmp_path):
+    text = (LAB / "certificate.toml").read_text().replace("deviation = 0.05", "deviation = 0.015")
+    (tmp_path / "certificate.toml").write_text(text)
+    narrow = [make(Asked((run,), DAY, settings=tmp_path / "certificate.toml", traced=one)) for one in (False, True)]
+    words = [one.document.statements[0] for one in narrow]
+    assert words[0].verdict == "conditionalFail"
+    assert float(words[0].probability) > 0.3  # 0.094 without the line
+    assert words[1].verdict == "pass"
+
+
+def test_an_effect_that_a_further_run_confirmed_is_in_the_results(monkeypatch, run, traced):
+    ask = read_run.__globals__["_traced"]
+
+    def judged(path, later, *, quick):
+        outcomes, _ = ask(path, (), quick=quick)
+        answer = SimpleNamespace(effect="creep:force_kN", verdict="confirmed", members=())
+        return outcomes, SimpleNamespace(answers=(answer,), paths=later)
+
+    monkeypatch.setitem(read_run.__globals__, "_traced", judged)
+    made = make(Asked((run,), DAY, settings=LAB / "certificate.toml", confirmed_by=(run,)))
+    assert made.document.tables == traced.document.tables
+    assert made.document.models == traced.document.models
+
+
+@pytest.mark.parametrize(("df", "printed"), [(59.9999999, "60"), (59.99, "59"), (60.0000001, "60"), (1e9, "∞")])
+def test_rounding_errors_take_no_degree_of_freedom(df, printed):
+    assert rounded_df(df) == printed

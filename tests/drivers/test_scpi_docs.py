@@ -1,0 +1,82 @@
+"""docs/scpi.md: its options, its three instruments in dry runs, its commands."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from command import rig
+
+from drivers.driver import DriverClass
+from drivers.roles import Reader, Source
+from drivers.scpi_meter import DescribedMeter
+from drivers.scpi_source import DescribedSource
+from rig.bench import open_bench
+from rig.bench_file import check_options
+from rig.config import parse_bench
+from rig.simulated.dry_run import DryBench
+from sims.serve import toml
+
+TEXT = (Path(__file__).parents[2] / "docs" / "scpi.md").read_text(encoding="utf-8")
+
+
+def block(name: str) -> str:
+    (found,) = re.findall(rf"^```\w+ {re.escape(name)}\n(.*?)^```", TEXT, re.DOTALL | re.MULTILINE)
+    return found
+
+
+def benches() -> dict[str, str]:
+    """The bench of the page, and the same with the other source."""
+    first = tomllib.loads(block("bench.toml"))
+    second = first | {"instruments": first["instruments"] | tomllib.loads(block("smu.toml"))["instruments"]}
+    return {"calibrator": block("bench.toml"), "smu": toml(second)}
+
+
+@pytest.mark.parametrize("driver", [DescribedMeter, DescribedSource])
+def test_options_are_documented(driver: DriverClass) -> None:
+    for name, field in driver.Options.model_fields.items():
+        default = "required" if field.is_required() else f"`{json.dumps(field.default)}`"
+        assert f"| `{name}` | {default} | {field.description} |" in TEXT
+
+
+@pytest.mark.parametrize("which", benches())
+def test_the_instruments_of_the_page_work_on_their_twins(which: str) -> None:
+    dry = DryBench(parse_bench(benches()[which], "bench.toml"), {"sensors": {"dmm": {"formula": "volts_V"}}})
+    bench = open_bench(dry.config, check_options(dry.config, "bench"), dry.world, dry.wires)
+    source, meter = bench.instruments["calibrator"], bench.instruments["dmm"]
+    assert isinstance(source, Source)
+    assert isinstance(meter, Reader)
+    for one in (source, meter):
+        one.identify()
+        one.prepare()
+    for volts in (7.5, -10.0):
+        source.set(volts)
+        for _ in range(60):
+            dry.world.sleep(1.0)
+            if source.read().settled:
+                break
+        assert source.read().settled
+        meter.start(5)
+        assert meter.fetch()["input"] == pytest.approx([volts] * 5, abs=0.01)
+    source.make_safe()
+    assert source.read().safe
+    dry.close()
+
+
+@pytest.mark.parametrize("which", benches())
+def test_the_commands_of_the_page(tmp_path: Path, which: str) -> None:
+    (tmp_path / "bench.toml").write_text(benches()[which])
+    (tmp_path / "procedure.toml").write_text(block("procedure.toml"))
+    commands = [line.split()[1:] for line in block("run").splitlines()]
+    assert [command[0] for command in commands] == ["plan", "run"]
+    for command in commands:
+        done = rig(*command, cwd=tmp_path)
+        assert done.returncode == 0, done.stdout + done.stderr
+    run = Path(tmp_path, done.stdout.splitlines()[0])
+    fitted = rig("fit", run, "--json", cwd=tmp_path)
+    assert fitted.returncode == 0, fitted.stderr
+    found = json.loads(fitted.stdout)
+    assert "volts_V" in json.dumps(found)

@@ -1,0 +1,40 @@
+"""What a document claims, a test runs."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from rig import reference
+from rig.engine import states
+from rig.engine.at_point import AtPoint
+from rig.engine.sequencer import Sequencer
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize(("name", "made"), [("sequencer.md", states.document), ("files.md", reference.document)])
+def test_generated_documents_are_fresh(name, made):
+    assert (ROOT / "docs" / name).read_text() == made()
+
+
+def test_every_state_can_be_reached_and_left():
+    reached = {states.State.READY}
+    for _ in states.TRANSITIONS:
+        reached |= {t.target for t in states.TRANSITIONS if set(t.sources) & reached}
+    assert reached == set(states.State)
+    left = {source for t in states.TRANSITIONS for source in t.sources}
+    assert left == set(states.State) - states.FINAL
+
+
+def test_every_state_that_can_be_left_has_a_handler():
+    names = {state.value for state in states.State} - {state.value for state in states.FINAL} - {"ready"}
+    assert all(hasattr(Sequencer, f"_{name}") or hasattr(AtPoint, name) for name in names)
+
+
+def test_links_between_documents_lead_somewhere():
+    for document in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")):
+        for target in re.findall(r"\]\(([^)#:]+)\)", document.read_text()):
+            assert (document.parent / target).exists(), f"{document.relative_to(ROOT)} links to {target}"
