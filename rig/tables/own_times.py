@@ -57,7 +57,8 @@ def keep_those_that_differ(rows: Sequence[dict[str, float]]) -> None:
     """Leave the columns only of outputs that were read at another time than that of the row; give them to every row."""
     times = [row["elapsed_s"] for row in rows]
     least = _SHARE * float(np.median(np.diff(times))) if len(rows) > 1 else 0.0
-    for name in {name for row in rows for name in row if name != "elapsed_s" and name.endswith("_elapsed_s")}:
+    names = (name for row in rows for name in row if name != "elapsed_s" and name.endswith("_elapsed_s"))
+    for name in list(dict.fromkeys(names)):
         differs = any(abs(row.get(name, row["elapsed_s"]) - row["elapsed_s"]) > least for row in rows)
         for row in rows:
             own = row.pop(name, row["elapsed_s"])

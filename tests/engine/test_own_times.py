@@ -74,6 +74,7 @@ def test_its_table_and_its_export_have_these_times(path, tmp_path):
     columns = run_table(path).columns
     late = [columns[f"{name}_elapsed_s"] - columns["elapsed_s"] for name in NAMES]
     np.testing.assert_allclose(np.median(late, axis=1), [-7.5, -2.5, 2.5, 7.5], atol=0.1)
+    assert [name for name in columns if name.endswith("_elapsed_s")] == [f"{name}_elapsed_s" for name in NAMES]
     assert rig("export", path, "--out", tmp_path / "four.csv").returncode == 0
     np.testing.assert_allclose(read_csv(tmp_path / "four.csv").columns["a_elapsed_s"], columns["a_elapsed_s"])
 
