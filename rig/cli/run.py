@@ -42,7 +42,7 @@ from rig.errors import ExitCode, RigError
 from rig.plans import load_plan
 from rig.present.terminal import show
 from rig.present.visible import visible
-from rig.run_file.events.points import Observed
+from rig.run_file.events.points import OVERSHOT, Observed
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, is_simulated, read_state
 from rig.unattended import Listeners, RunFacts, ServiceManager
@@ -208,6 +208,10 @@ def _warn_and_log(text: str, listeners: Listeners) -> None:
     listeners.say("warning", text)
 
 
+_WHY = {OVERSHOT: "a setting had gone beyond its level, and was approached again from the planned side"}
+"""Reasons for flags that no fault has."""
+
+
 def conclude(result: Result) -> int:
     """Report the end of a session; returns the exit code."""
     state = result.state
@@ -227,9 +231,8 @@ def conclude(result: Result) -> int:
             )
         for flag, count in _flagged(result.path).items():
             what = "1 point is" if count == 1 else f"{count} points are"
-            err.print(
-                f"[bold yellow]warning:[/] {what} flagged {escape(flag)}; `rig status RUN` says why", soft_wrap=True
-            )
+            why = _WHY.get(flag, "`rig status RUN` says why")
+            err.print(f"[bold yellow]warning:[/] {what} flagged {escape(flag)}; {why}", soft_wrap=True)
         words = f"{result.outcome.value}: {len(state.accepted)} of {state.points} points observed"
         err.print(f"{mark(state.simulated)}{words} in {duration(state.elapsed_s)}")
         if result.head:

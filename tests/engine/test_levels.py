@@ -53,6 +53,7 @@ def path(tmp_path_factory):
     folder = at(tmp_path_factory.mktemp("levels"))
     done = run_in(folder)
     assert done.returncode == 0, done.stderr
+    assert "flagged overshot; a setting had gone beyond its level" in " ".join(done.stderr.split())
     (path,) = folder.glob("**/*.sqlite")
     return path
 
