@@ -117,7 +117,8 @@ def _not_reached(
     count = f"{len(tries)} setting{'s' * (len(tries) > 1)}"
     return (
         f"{factor.axis} does not reach {level:g} {unit} within {near:.3g}: its standard reads {last} after {count}"
-        f"{ends}. Look at the supply and at the table of approach of references.{factor.name}, or change the level"
+        f"{ends}. Look at the supply and at the table of approach of references.{factor.name}, or change the level; "
+        f"if the readings scatter, widen `near` of factors.{factor.name}"
     )
 
 

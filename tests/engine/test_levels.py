@@ -128,6 +128,16 @@ def test_a_level_that_is_not_reached_is_skipped_and_said(tmp_path):
     assert sorted(set(run_table(path).columns["flow_set_kg_per_min"].tolist())) == [1, 2, 3]
 
 
+def test_a_standard_that_scatters_more_than_is_asked_is_said(tmp_path):
+    world = WORLD.replace("noise = 0.0002", "noise = 0.2")
+    procedure = PROCEDURE.replace("replications = 2", "replications = 1").replace(f"{LEVELS}", "[1, 2, 3]")
+    procedure = procedure.replace('order = "up-down"', 'order = "up-down"\nnear = 0.0005')
+    done = run_in(at(tmp_path, world=world, procedure=procedure))
+    assert done.returncode != 0
+    assert "after 8 settings" in done.stderr
+    assert "if the readings scatter, widen `near` of factors.flow_kg_per_min" in " ".join(done.stderr.split())
+
+
 def test_levels_in_volts_are_as_before(tmp_path):
     told = rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=at(tmp_path, procedure=IN_VOLTS))
     assert told.returncode == 0, told.stderr
