@@ -41,6 +41,8 @@ FIRST, FAR = 4, 10.0 * BEHIND
 """Number of draws after which those are left out that are this far behind in all of them."""
 TAIL = 40
 """Number of draws beyond which the tail of an effect's score is continued as an exponential."""
+AT_ONCE = 256
+"""Columns whose contributions of single rows are worked out at once."""
 CERTAIN = 60.0
 """Score that no draw comes near: its p is the least that a simulation can tell. (A normal one has p = 1e-26, of
 thousands of candidates; the tails simulated for sixty tables ended at 27.)
@@ -162,8 +164,8 @@ def family_of(
     simulated = simulated or Simulated(problem)
     found = simulated.under(at)
     n, df = problem.n, problem.n - found.basis.shape[1]
-    judged = np.flatnonzero((found.rank > 0) & (df - found.rank >= SPARED))
-    if not len(judged):
+    judged = (found.rank > 0) & (df - found.rank >= SPARED)
+    if not np.any(judged):
         return TableFamily({}, np.ones(1), problem.sensors)
     rng = np.random.default_rng(seed)
     near = [_near(problem, at, possible, rng) for possible in (without, beside)]
@@ -175,11 +177,13 @@ def family_of(
         ratio /= _scatter(scatter.units(), off(errors, found.basis).astype(np.float32), df)
     tails = {}
     smallest = np.ones(draws)
-    for name in dict.fromkeys(problem.candidates[j].effect.name for j in judged):
-        mine = [j for j in judged if problem.candidates[j].effect.name == name]
+    for name, every in problem.named.items():
+        mine = every[judged[every]]
+        if not mine.size:
+            continue
         score = np.full(draws, -np.inf)
         for rank in set(found.rank[mine].tolist()):
-            best = ratio[[j for j in mine if found.rank[j] == rank]].max(axis=0).astype(np.float64)
+            best = ratio[mine[found.rank[mine] == rank]].max(axis=0).astype(np.float64)
             score = np.maximum(score, evidence(best, rank, df - rank))
         tails[name] = Tail(np.sort(score), float(weight[mine[0]]))
         smallest = np.minimum(smallest, tails[name].p(score))
@@ -241,10 +245,13 @@ def _ratios(
 
 def _scatter(found: Blocks, noise: Single, df: int) -> Single:
     """(J, m) contributions of single rows to the variance of a candidate's sums, as in `score`; at least one."""
-    rank = np.maximum(found.rank, 1)[:, None].astype(np.float32)
-    variance = np.maximum(np.sum(noise**2, axis=0) - found.gains(noise), _TINY) / np.maximum(df - rank, 1)
-    dots, squares = found.units.T @ noise, found.squares
-    own = squares.T @ noise**2
-    own -= 2.0 * dots * ((squares * found.units).T @ noise)
-    own += dots**2 * np.sum(squares**2, axis=0)[:, None]
+    rank, squared = np.maximum(found.rank, 1)[:, None].astype(np.float32), noise**2
+    dots, own = (np.empty((found.units.shape[1], noise.shape[1]), np.float32) for _ in range(2))
+    for first in range(0, len(own), AT_ONCE):
+        some = slice(first, first + AT_ONCE)
+        units = np.ascontiguousarray(found.units[:, some])
+        squares, dots[some] = units**2, units.T @ noise
+        own[some] = squares.T @ squared + dots[some] ** 2 * np.sum(squares**2, axis=0)[:, None]
+        own[some] -= 2.0 * dots[some] * ((squares * units).T @ noise)
+    variance = np.maximum(np.sum(squared, axis=0) - found.sums(dots**2), _TINY) / np.maximum(df - rank, 1)
     return np.asarray(np.maximum(found.sums(own) / rank / variance, 1.0))

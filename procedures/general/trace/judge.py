@@ -139,7 +139,7 @@ class TableJudge:
     def rivals(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
         """All explanations for the terms of `effect` among `chosen`, best first."""
         at = self.beside(chosen).best
-        return rivals(self.candidates, self.view(at), self.white(at, chosen), chosen, effect)
+        return rivals(self.problem, self.view(at), self.white(at, chosen), chosen, effect)
 
     def alike(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
         """The same: a table has few candidates."""

@@ -9,20 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.linear import orthonormal
-from procedures.general.trace.noise import WIDE
 from procedures.general.trace.problem import Problem
 from procedures.general.trace.score import NOTHING_LEFT, Apart, in_turn
 
 Single = NDArray[np.float32]
-AT_ONCE = 400_000
-"""Whitened numbers that stay in the cache while they are used."""
 CONSTANT = 1e-12
 """Share of a column's sum of squares about its mean, at least: less is rounding."""
 
@@ -91,23 +87,13 @@ class Simulated:
     def columns(self) -> Single:
         """(n, D) all candidates over each row's sd, with the declared columns removed."""
         out = np.empty(self.problem.columns.shape, np.float32)
-        for some in self._stretches:
+        for some in self.problem.few:
             out[:, some] = self._some(some)
         return out
 
     def _some(self, some: slice) -> FloatArray:
         declared, along = self._declared
         return np.asarray(self.problem.columns[:, some] / self.problem.sd[:, None] - declared @ along[:, some])
-
-    @cached_property
-    def _stretches(self) -> list[slice]:
-        """Columns a few at a time, whole candidates."""
-        start, most = self.problem.start, max(WIDE, AT_ONCE // self.problem.n)
-        ends = [0]
-        for end in start[1:].tolist():
-            if end - ends[-1] >= most or end == start[-1]:
-                ends.append(end)
-        return [slice(one, other) for one, other in pairwise(ends) if other > one]
 
     def under(self, at: int) -> Lengths:
         """Whitened by covariance `at`."""
@@ -125,7 +111,7 @@ class Simulated:
         of_declared, across = np.empty((white.shape[1], start[-1])), np.zeros(start[-1])
         paired = np.zeros(start[-1], np.bool_)
         paired[start[:-1][width == 2]] = True
-        for some in self._stretches:
+        for some in problem.few:
             own = problem.noise.whiten(which, self._some(some))[0]
             squares[some], total[some] = np.einsum("ij,ij->j", own, own), own.sum(axis=0)
             of_basis[:, some], of_declared[:, some] = basis.T @ own, white.T @ own

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from procedures.general.effects import TableEffect, effects_of
 from procedures.general.effects.of_settings import FIRST_ORDER
 from procedures.general.effects.scene import TableScene, TableTerm
 from procedures.general.read_settings import settings_of, share_within
-from procedures.general.trace.noise import Noise
+from procedures.general.trace.noise import WIDE, Noise
 
 REPEATED = 2
 """Readings of a setting, at least, on average, by which settings are levels."""
@@ -30,6 +31,8 @@ NEAR, FEWEST_FOR_NEAR = 6, 30
 """Rows that are near each one, and the fewest rows of a table in which these are near."""
 SPARED = 2
 """Minimum degrees of freedom beside a candidate."""
+AT_ONCE = 400_000
+"""Numbers that the cache has room for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +100,23 @@ class Problem:
         """(J + 1,) first column of each candidate."""
         widths = [c.term.columns.shape[1] for c in self.candidates]
         return np.concatenate([[0], np.cumsum(widths)]).astype(np.int64)
+
+    @cached_property
+    def named(self) -> dict[str, IntArray]:
+        """Candidates of each effect, in order."""
+        out: dict[str, list[int]] = {}
+        for j, candidate in enumerate(self.candidates):
+            out.setdefault(candidate.effect.name, []).append(j)
+        return {name: np.array(own) for name, own in out.items()}
+
+    @cached_property
+    def few(self) -> list[slice]:
+        """Columns of whole candidates a few at a time, so that they stay in the cache while they are used."""
+        ends = [0]
+        for end in self.start[1:].tolist():
+            if end - ends[-1] >= max(WIDE, AT_ONCE // self.n) or end == self.start[-1]:
+                ends.append(end)
+        return [slice(one, other) for one, other in pairwise(ends)]
 
     @cached_property
     def price(self) -> FloatArray:

@@ -9,25 +9,24 @@ import numpy as np
 
 from fitter.arrays import FloatArray
 from fitter.trace.aliases import DELTA, PER_COLUMN, Rival
-from procedures.general.trace.problem import Candidate
+from procedures.general.trace.problem import Candidate, Problem
 from procedures.general.trace.score import View
 
 CLOSEST = 6
 """Number of effects tried with several terms if the found effect has several."""
 
 
-def rivals(
-    candidates: Sequence[Candidate], view: View, y: FloatArray, chosen: tuple[int, ...], effect: str
-) -> tuple[Rival, ...]:
+def rivals(problem: Problem, view: View, y: FloatArray, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
     """All explanations for the terms of `effect` among `chosen`, including itself, best first.
 
     Args:
-        candidates: of the table.
-        view: the table whitened.
+        problem: the table.
+        view: the same whitened.
         y: (n,) whitened response.
         chosen: candidates in the model.
         effect: name of one among them.
     """
+    candidates = problem.candidates
     group = tuple(j for j in chosen if candidates[j].effect.name == effect)
     rest = tuple(j for j in chosen if j not in group)
     held = {candidates[j].effect.name for j in rest}
@@ -38,12 +37,9 @@ def rivals(
     taken = view.taken(rest)
     beside = y - taken @ (taken.T @ y)
     path = _Path(candidates, view, beside, variance, rest)
-    gains, _ = view.gains(rest, beside)
-    single: dict[str, int] = {}
-    for j, candidate in enumerate(candidates):
-        name = candidate.effect.name
-        if name not in held and name != effect and gains[j] > (gains[single[name]] if name in single else 0.0):
-            single[name] = j
+    gains, _ = view.gains(rest, y)
+    best = {name: int(own[np.argmax(gains[own])]) for name, own in problem.named.items()}
+    single = {name: j for name, j in best.items() if gains[j] > 0.0 and name not in held and name != effect}
     known = view.all_kept(rest)[view.start[:-1]] & (np.diff(view.start) == 1)
     paths = {effect: [(group, path.price(group))]}
     for name, j in single.items():
@@ -51,12 +47,12 @@ def rivals(
     if len(group) > 1:
         for name in sorted(single, key=lambda name: paths[name][0][1])[:CLOSEST]:
             paths[name] += path.longer(single[name], len(group))
-    best = min(cost for steps in paths.values() for _, cost in steps)
+    least = min(cost for steps in paths.values() for _, cost in steps)
     found = []
     for name, steps in paths.items():
-        near = [step for step in steps if step[1] - best <= DELTA]
+        near = [step for step in steps if step[1] - least <= DELTA]
         terms, cost = near[0] if near else min(steps, key=lambda step: step[1])
-        found.append(Rival(name, terms, float(np.sqrt(max(cost - best, 0.0)))))
+        found.append(Rival(name, terms, float(np.sqrt(max(cost - least, 0.0)))))
     return tuple(sorted(found, key=lambda rival: rival.sigmas))
 
 
@@ -93,9 +89,8 @@ class _Path:
         steps: list[tuple[tuple[int, ...], float]] = []
         held: tuple[int, ...] = (first,)
         while len(held) < min(most, len(terms)):
-            taken = self.view.taken((*self.rest, *held))
             others = [j for j in terms if j not in held]
-            gains, _ = self.view.gains((*self.rest, *held), self.y - taken @ (taken.T @ self.y))
+            gains, _ = self.view.gains((*self.rest, *held), self.y)
             held = (*held, others[int(np.argmax(gains[others]))])
             steps.append((held, self.price(held)))
         return steps

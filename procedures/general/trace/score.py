@@ -117,6 +117,7 @@ class View:
     start: IntArray
     _extra: dict[tuple[int, ...], FloatArray] = field(default_factory=dict)
     _rows: dict[int, FloatArray] = field(default_factory=dict)
+    _of: list[tuple[FloatArray, FloatArray, FloatArray]] = field(default_factory=list)
 
     @cached_property
     def _products(self) -> tuple[FloatArray, FloatArray, IntArray]:
@@ -132,7 +133,7 @@ class View:
     @property
     def width(self) -> int:
         """Number of columns of candidates beside the declared ones."""
-        return int(np.count_nonzero(self._apart(())[1]))
+        return int(np.count_nonzero(self._apart(self._along(()))[1]))
 
     @property
     def rounding(self) -> float:
@@ -144,12 +145,14 @@ class View:
         """Whiten a problem by covariance `at` of its noise."""
         which, sd = np.array([at]), problem.sd[:, None]
         own = problem.noise.whiten(which, np.column_stack([problem.y, problem.declared]) / sd)[0]
-        basis, columns = orthonormal(own[:, 1:]), problem.noise.whiten(which, problem.columns / sd)[0]
-        length = _about(columns)
-        for _ in range(2):  # once leaves rounding errors of a column that is nearly declared
-            along = basis.T @ columns
-            for rows in _stretches(len(columns)):
-                columns[rows] -= basis[rows] @ along
+        basis, columns = orthonormal(own[:, 1:]), np.empty(problem.columns.shape)
+        length = np.empty(int(problem.start[-1]))
+        for some in problem.few:
+            few = problem.noise.whiten(which, problem.columns[:, some] / sd)[0]
+            length[some] = _about(few)
+            for _ in range(2):  # once leaves rounding errors of a column that is nearly declared
+                few -= basis @ (basis.T @ few)
+            columns[:, some] = few
         return cls(own[:, 0], basis, columns, length, problem.start)
 
     def taken(self, chosen: Sequence[int]) -> FloatArray:
@@ -203,7 +206,7 @@ class View:
 
         From products of columns, as in `gains`, a stretch of rows at a time: all of it stays in the cache.
         """
-        squares, kept, one, two, slope = self._apart(())
+        squares, kept, one, two, slope = self._apart(self._along(()))
         own = {j: self.blocks((), (j,)).units for j in np.flatnonzero(np.diff(self.start) > 2).tolist()}
         for j, basis in own.items():
             kept[self.start[j] : self.start[j + 1]] = np.arange(self.start[j + 1] - self.start[j]) < basis.shape[1]
@@ -218,14 +221,15 @@ class View:
             out[:, start[j] : start[j + 1]] = basis
         return Blocks(out, start)
 
-    def gains(self, chosen: Sequence[int], left: FloatArray) -> tuple[FloatArray, IntArray]:
-        """(J,) reductions of the sum of squares of the residual beside the `chosen` by each candidate, and ranks.
+    def gains(self, chosen: Sequence[int], y: FloatArray) -> tuple[FloatArray, IntArray]:
+        """(J,) reductions of the sum of squares of `y` (n,) beside the `chosen` by each candidate, and ranks.
 
         The same as those of `blocks`, from products of columns: no basis of all candidates is made. A column that the
         others nearly replace keeps a millionth of its sum of squares, so cancellation leaves ten digits.
         """
-        squares, kept, one, two, slope = self._apart(chosen)
-        along = left @ self.columns
+        extra, beside, (y, along) = self.extra(chosen), self._along(chosen), self._with(y)
+        squares, kept, one, two, slope = self._apart(beside)
+        along = along - (extra.T @ y) @ beside
         along[two] -= slope * along[one]
         gain = np.divide(along**2, squares, out=np.zeros_like(squares), where=kept)
         ends = np.concatenate([[0], np.cumsum(kept)])[self.start]
@@ -234,7 +238,7 @@ class View:
         wide = np.flatnonzero(np.diff(self.start) > 2)
         if wide.size:
             own = self.blocks(chosen, wide.tolist())
-            ranks[wide], out[wide] = own.rank, own.gains(left)
+            ranks[wide], out[wide] = own.rank, own.gains(y - extra @ (extra.T @ y))
         return out, ranks
 
     def all_kept(self, chosen: Sequence[int]) -> BoolArray:
@@ -254,6 +258,13 @@ class View:
         most = np.max(np.diag(inverse)[:, None] * own + slope**2, axis=0, initial=0.0)
         return np.asarray((own > least) & (least * most < own))
 
+    def _with(self, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(n,) a response beside the declared columns, and (D,) its products with all columns: many models have it."""
+        if not self._of or not np.array_equal(self._of[0][0], y):
+            left = y - self.basis @ (self.basis.T @ y)
+            self._of[:] = [(y, left, left @ self.columns)]
+        return self._of[0][1:]
+
     def _across(self, chosen: Sequence[int]) -> FloatArray:
         """(d, D) products of the columns of some candidates, which many models share, with all columns."""
         for j in chosen:
@@ -270,14 +281,13 @@ class View:
         basis = (extra.T @ self.columns[:, picked]).T / length
         return np.asarray(np.linalg.solve(basis, self._across(chosen) / length))
 
-    def _apart(self, chosen: Sequence[int]) -> Apart:
-        """Columns of candidates of one or two, each beside the `chosen` and the longer one of its pair.
+    def _apart(self, beside: FloatArray) -> Apart:
+        """Columns of candidates of one or two, each beside the longer of its pair and a basis of products (q, D).
 
         (D,) their remaining sums of squares, and whether these are enough; (p,) the longer one of each pair, the
         other, and the slope (p,) of the other along it.
         """
         squares, across, first = self._products
-        beside = self._along(chosen)
         squares = squares - np.einsum("ij,ij->j", beside, beside)
         across = across - np.einsum("ij,ij->j", beside[:, first], beside[:, first + 1])
         return in_turn(squares, across, first, self.length)
@@ -301,7 +311,7 @@ def ranked(view: View, y: FloatArray, chosen: Sequence[int]) -> Scores:
     """Score all candidates beside the `chosen`, but for the scatter of single rows, which takes the most time."""
     taken = view.taken(chosen)
     left = y - taken @ (taken.T @ y)
-    gain, rank = view.gains(chosen, left)
+    gain, rank = view.gains(chosen, y)
     return _scores(view, left, len(y) - taken.shape[1], gain, rank)[0]
 
 
@@ -354,13 +364,9 @@ def _about(columns: FloatArray) -> FloatArray:
 
     For a constant a millionth of its length; otherwise its rounding errors would count as a column.
     """
-    means, about, every = columns.mean(axis=0), np.zeros(columns.shape[1]), np.zeros(columns.shape[1])
-    for rows in _stretches(len(columns)):
-        some = columns[rows]
-        every += np.einsum("ij,ij->j", some, some)
-        some = some - means
-        about += np.einsum("ij,ij->j", some, some)
-    return np.asarray(np.sqrt(np.maximum(about, 1e-12 * every)))
+    every = np.einsum("ij,ij->j", columns, columns)
+    columns = columns - columns.mean(axis=0)
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", columns, columns), 1e-12 * every)))
 
 
 def _stretches(n: int) -> list[slice]:
