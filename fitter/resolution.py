@@ -104,4 +104,4 @@ def _limit(size: FloatArray, half: FloatArray, inside: float) -> float:
 def _inside(limit: float, starts: FloatArray, ends: FloatArray, half: FloatArray) -> FloatArray:
     """Share of each residual, distributed evenly from its start to its end, between -limit and limit."""
     covered = np.minimum(limit, ends) - np.maximum(-limit, starts)
-    return np.clip(covered / (2.0 * half), 0.0, 1.0)
+    return np.minimum(np.maximum(covered / (2.0 * half), 0.0), 1.0)  # `np.clip` takes twice as long for few rows

@@ -138,6 +138,17 @@ def test_many_columns_are_filtered_as_few_are(n):
         assert noise.back(at, sums).T @ columns == pytest.approx(sums.T @ white, rel=1e-10, abs=1e-10)
 
 
+@pytest.mark.parametrize("n", [20, 90, 300])
+def test_covariances_filtered_together_are_those_of_each(n):
+    noise = Wandering(np.cumsum(np.random.default_rng(11).exponential(1.0, n)), sd=np.linspace(0.5, 2.0, n))
+    for width in (0, 1, 3, WIDE):
+        columns, every = np.random.default_rng(12).standard_normal((n, width)), np.arange(len(noise.prior))
+        together = noise.whiten(every, columns)
+        for at in every.tolist():
+            assert np.array_equal(together[at], noise.whiten(np.array([at]), columns)[0])
+        assert np.array_equal(noise.whiten(np.array([7, 3]), columns), together[[7, 3]])
+
+
 def test_lengths_and_remainders_are_those_of_whole_columns(problem):
     view, columns = View.of(problem, 0), problem.columns
     basis = orthonormal(problem.declared)

@@ -29,6 +29,8 @@ WIDE = 160
 """Columns from which a recursion is faster row by row, over all columns at once, than by LAPACK, column by column; and
 a filter faster by products of several rows at once.
 """
+FEW = 8000
+"""Numbers that are filtered at once, of several covariances if the columns are short."""
 AT_ONCE = 16
 """Rows of a filter that are worked out at once."""
 SLOW, MEMORIES = 0.9, 6.0
@@ -258,22 +260,32 @@ class Wandering:
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
-        kept, gain, own, sd = self._steps
         out = np.empty((len(which), *columns.shape))
-        for i, g in enumerate(which.tolist()):
-            if self._grid[0][g] == 0.0:
-                out[i] = columns
-                continue
-            white = out[i]
-            if columns.shape[1] >= WIDE:
-                _filtered(self._at_once(g), columns, white)
-                continue
-            state = _recursion(kept[g], gain[g, :, None] * columns)
-            white[0] = columns[0]
-            np.multiply(own[g, 1:, None], state[:-1], out=white[1:])
-            np.subtract(columns[1:], white[1:], out=white[1:])
-            white /= sd[g, :, None]
+        several = columns.shape[1] < WIDE and bool(np.all(np.diff(which) == 1))
+        at_once = max(FEW // max(columns.size, 1), 1) if several else 1
+        for i in range(0, len(which), at_once):
+            first, white = int(which[i]), out[i : i + at_once]
+            self._whiten(slice(first, first + len(white)), columns, white)
         return out
+
+    def _whiten(self, some: slice, columns: FloatArray, white: FloatArray) -> None:
+        """Whiten by neighbouring covariances at once: the state begins anew with the first row of each."""
+        if len(white) == 1 and self._grid[0][some.start] == 0.0:
+            white[0] = columns
+            return
+        if columns.shape[1] >= WIDE:
+            _filtered(self._at_once(some.start), columns, white[0])
+            return
+        kept, gain, own, sd = (part[some, :, None] for part in self._steps)
+        if len(white) > 1:
+            kept = kept.copy()
+            kept[:, 0] = 0.0
+        given = (gain * columns).reshape(kept.size, columns.shape[1])
+        state = _recursion(kept.ravel(), given).reshape(white.shape)
+        white[:, 0] = columns[0]
+        np.multiply(own[:, 1:], state[:, :-1], out=white[:, 1:])
+        np.subtract(columns[1:], white[:, 1:], out=white[:, 1:])
+        white /= sd
 
     def back(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`. The filter's stretches of rows from the last one back."""

@@ -60,7 +60,7 @@ def running_median(values: FloatArray) -> FloatArray:
     """(n,) median of each value and its neighbours."""
     padded = np.pad(values, NEIGHBOURS, mode="reflect")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * NEIGHBOURS + 1)
-    return np.asarray(np.median(windows, axis=1))
+    return np.asarray(np.partition(windows, NEIGHBOURS, axis=1)[:, NEIGHBOURS])
 
 
 def _beyond(deviation: FloatArray, step: FloatArray | float) -> tuple[FloatArray, float]:
