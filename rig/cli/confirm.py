@@ -240,8 +240,8 @@ def _chosen(
     why = unlikely(proposals) if proposals else ""
     if why and not as_json:
         err.print(
-            f"{escape(why)}. Run {take} is for what it can settle, and none "
-            f"longer than the first run is proposed for that; --take chooses another",
+            f"{escape(why)}. Run {take} is for what it can settle, and no run "
+            f"longer than the first is proposed where one of its kind can be shorter; --take chooses another",
             soft_wrap=True,
         )
     return proposals[take - 1] if proposals else None, {**listed(first, proposals, never), "unlikely": why}
