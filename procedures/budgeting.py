@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -173,6 +173,14 @@ class Evaluation(ABC):
     def reversibility(self) -> Iterable[TypeA]:
         """Differences between rising and falling series, as covariances of the results, which are half-way between."""
         return ()
+
+    def elsewhere(self, used: Collection[str]) -> Sequence[Evaluation]:
+        """The same at its points, with quantities outside `used` as they were in some rows of the run; itself if there
+        are none.
+
+        Results by a model that has only the `used` ones hold at all of these.
+        """
+        return (self,)
 
     def notes(self) -> Iterable[str]:
         """Sentences about the scatter."""

@@ -7,7 +7,8 @@ by the named one is a line of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -22,6 +23,9 @@ from procedures.general.budget_sensor import Sensor
 from procedures.general.of_runs import Asked, recorded
 from procedures.general.traced import with_effects
 from procedures.table import Table
+
+ROWS = 24
+"""Rows at whose settings effects are evaluated, where no declared result says at which it holds."""
 
 
 class TracedEvaluation(GeneralEvaluation):
@@ -48,6 +52,27 @@ class TracedEvaluation(GeneralEvaluation):
             except FitError:
                 moved[:] = np.nan
             found.append((output, named, member, moved if np.isfinite(moved).all() else None))
+        return found
+
+    def elsewhere(self, used: Collection[str]) -> Sequence[TracedEvaluation]:
+        """See `Evaluation`: at some rows, evenly along the quantities, in their order."""
+        names = {name for one in self._each for name in one.calibration.formula.names}
+        free = sorted(name for name in names if name not in used and name in self._table.columns)
+        if not free:
+            return (self,)
+        order = np.lexsort([self._table.columns[name] for name in free])
+        rows = order[np.linspace(0, len(order) - 1, min(ROWS, len(order))).astype(int)]
+        found = []
+        for row in rows.tolist():
+            there = copy(self)
+            for made in ("results", "_moved"):
+                there.__dict__.pop(made, None)
+            values = {name: float(self._table.columns[name][row]) for name in free}
+            there._each = [
+                replace(one, at={n: np.full_like(at, values[n]) if n in values else at for n, at in one.at.items()})
+                for one in self._each
+            ]
+            found.append(there)
         return found
 
     def model_errors(self) -> Iterator[TypeA]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitter.arrays import FloatArray, IntArray
 from fitter.budget import Budgeted, Shapes, TypeA, budgets
-from procedures.budgeting import Results, Shift
+from procedures.budgeting import Evaluation, Results, Shift
 from procedures.errors import DataError
 from procedures.inference import within_half_turn
 from rig.closed_loop.budget import RunBudget
@@ -27,7 +27,8 @@ def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[st
     its whole size d is taken as a standard uncertainty, together with the model errors of the traced one, and with the
     scatter by which the traced result is less certain than the declared one. If the traced result is right within its
     standard uncertainty u, the value is within k sqrt(d^2 + u^2) of the declared result with 95 % for k = 1.96 where
-    d is zero, with 95.2 % where it is 0.6 u, and with nearly 100 % where it is large beside u.
+    d is zero, with 95.2 % where it is 0.6 u, and with nearly 100 % where it is large beside u. Where an effect follows
+    a quantity that the declared model has not, results hold at the conditions of the run: d is its rms over these.
 
     Args:
         declared: of the run, by the declared model.
@@ -51,16 +52,20 @@ def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[st
             f"no such result; use --traced"
         )
     chosen = np.array(where, np.int64)
-    moved = _same_readings(traced, mine, chosen)[chosen] - mine.values[place]
-    times = _per_output(declared, through, moved)
-    moved = times * moved
     turns = np.array([unit == "deg" for unit in mine.units])
-    moved[turns] = within_half_turn(moved[turns], 360.0)
-    if not np.isfinite(moved).all():
-        name = mine.names[int(np.flatnonzero(~np.isfinite(moved))[0])]
+    every = []
+    for evaluation in traced.evaluation.elsewhere(declared.evaluation.columns):
+        moved = _same_readings(evaluation, mine, chosen)[chosen] - mine.values[place]
+        times = _per_output(declared, through, moved)
+        moved = times * moved
+        moved[turns] = within_half_turn(moved[turns], 360.0)
+        every.append(moved)
+    away = np.array(every)
+    if not np.isfinite(away).all():
+        name = mine.names[int(np.flatnonzero(~np.isfinite(away).all(axis=0))[0])]
         raise DataError(f"{name}: the size of {', '.join(effects)} in it is not finite; use --traced")
     square = np.ix_(chosen, chosen)
-    covariance = np.outer(moved, moved)
+    covariance = away.T @ away / len(away)
     for one in traced.evaluation.model_errors():
         covariance = covariance + np.outer(times, times) * one.covariance[square]
     covariance += np.diag(np.maximum(times**2 * other.of_fit[chosen] - mine.of_fit, 0.0))
@@ -78,12 +83,12 @@ def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[st
     return replace(declared, budgets=tuple(made), type_a=type_a, undeclared=_moved(line, made))
 
 
-def _same_readings(traced: RunBudget, mine: Results, chosen: IntArray) -> FloatArray:
+def _same_readings(traced: Evaluation, mine: Results, chosen: IntArray) -> FloatArray:
     """(m,) results by the traced model; inferred values are of the declared model's outputs at the points.
 
     Each model gives its own outputs back as their points, which hides what an effect does to an inferred value.
     """
-    other = traced.evaluation.results
+    other = traced.results
     outputs = {
         sensor: np.array([place[name] for name in names])
         for place in [{name: n for n, name in enumerate(mine.names)}]
@@ -96,7 +101,7 @@ def _same_readings(traced: RunBudget, mine: Results, chosen: IntArray) -> FloatA
         found: FloatArray = added.get(column, np.zeros_like(readings))
         return found
 
-    return np.asarray(traced.evaluation.evaluate(Shift(in_use=in_use)))
+    return np.asarray(traced.evaluate(Shift(in_use=in_use)))
 
 
 def _through_outputs(mine: Results, where: Sequence[int | None]) -> dict[int, int]:

@@ -62,3 +62,19 @@ def test_plan_takes_due_dates_from_the_register(lab):
     told = rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=lab)
     assert "has no due date" not in told.stdout
     assert "every calibration whose date is stated is valid until then" in told.stdout
+
+
+def test_results_of_the_declared_model_hold_at_all_conditions_that_they_are_said_to_hold_at(lab, tmp_path):
+    """A point at the mean temperature had U of the noise alone: at the chamber's ends the truth was 2 U away."""
+    folder = tmp_path / "lab"
+    shutil.copytree(lab, folder, ignore=shutil.ignore_patterns("certificates", "issued.json"))
+    run = min((folder / "runs").glob("*.sqlite"))
+    done = rig("certificate", run, "--out", "declared", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    (path,) = (folder / "declared").glob("*.json")
+    rows = [one for table in json.loads(path.read_text())["tables"] for one in table["results"]]
+    for flow, output in ((1.0, 227.0), (3.0, 563.0)):
+        one = next(row for row in rows if row["name"].startswith(f"sensor_1 output at flow {flow:g} kg/min"))
+        for chamber_degC in (10.0, 40.0):
+            truth = output + 0.02 * flow * (chamber_degC - 25.0)
+            assert abs(float(one["value"]) - truth) < float(one["expanded"]), (flow, chamber_degC)
