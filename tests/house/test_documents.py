@@ -34,7 +34,20 @@ def test_every_state_that_can_be_left_has_a_handler():
     assert all(hasattr(Sequencer, f"_{name}") or hasattr(AtPoint, name) for name in names)
 
 
+def documents():
+    return (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "proving" / "notes").glob("*.md"))
+
+
+def anchors(document: Path) -> set[str]:
+    """Anchors of a document's headings, as GitHub and MyST make them."""
+    headings = re.findall(r"^#+ (.*)$", document.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
 def test_links_between_documents_lead_somewhere():
-    for document in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")):
-        for target in re.findall(r"\]\(([^)#:]+)\)", document.read_text()):
-            assert (document.parent / target).exists(), f"{document.relative_to(ROOT)} links to {target}"
+    for document in documents():
+        for target, anchor in re.findall(r"\]\(([^)#:]*)(?:#([^)]*))?\)", document.read_text()):
+            there = document.parent / target if target else document
+            link = f"{document.relative_to(ROOT)} links to {target}#{anchor}"
+            assert there.exists(), link
+            assert not anchor or there.suffix != ".md" or anchor in anchors(there), link
