@@ -161,7 +161,7 @@ def held(evaluate: Callable[..., Evaluation], true: Mapping[str, float], rng: np
     declared, traced = (_budget(evaluate(traced=one)) for one in (False, True))
     runs = {"traced": traced}
     with suppress(DataError):  # a certificate refuses it, and says that --traced states it
-        runs["declared"] = with_undeclared(declared, traced, ("found",), shapes=False)
+        runs["declared"] = with_undeclared(declared, traced, {"": ("found",)}, shapes=False)
     found: dict[str, Any] = {"declared": [], "declared, stated": []}
     for word, run in runs.items():
         pairs = [(one, value) for one in run.budgets for part, value in true.items() if _is(one.name, part)]

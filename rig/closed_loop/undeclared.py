@@ -20,7 +20,9 @@ SMALL = 1e-2
 """A result counts as moved where the line has this share of its standard uncertainty or more."""
 
 
-def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[str], shapes: Shapes) -> RunBudget:
+def with_undeclared(
+    declared: RunBudget, traced: RunBudget, effects: Mapping[str, Sequence[str]], shapes: Shapes
+) -> RunBudget:
     """Budgets by the declared model, with a line for effects that it lacks.
 
     The line is how far each result is from that by the traced model. It is a known deviation that is not corrected, so
@@ -33,24 +35,25 @@ def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[st
     Args:
         declared: of the run, by the declared model.
         traced: of the same run and points, by the model with effects.
-        effects: their names.
+        effects: their names, by sensor.
         shapes: of which results coverage factors follow the shapes of the distributions.
 
     Raises:
         DataError: a result has no number by the traced model, so that the effects cannot be counted in it.
     """
     mine, other = declared.evaluation.results, traced.evaluation.results
+    of = _effects_of(mine.sensors, effects)
     where = _partners(mine, other)
     through = _through_outputs(mine, where)
     place = np.arange(len(where))
     for inferred, output in through.items():
         where[inferred], place[inferred] = where[output], output
-    lost = [name for name, at in zip(mine.names, where, strict=True) if at is None]
-    if lost:
-        raise DataError(
-            f"{lost[0]}: the size of {', '.join(effects)} in it is not known, because the model with these effects has "
-            f"no such result; use --traced"
-        )
+    for name, at, names in zip(mine.names, where, of, strict=True):
+        if at is None:
+            raise DataError(
+                f"{name}: the size of {names} in it is not known, because the model with these effects has no such "
+                f"result; use --traced"
+            )
     chosen = np.array(where, np.int64)
     turns = np.array([unit == "deg" for unit in mine.units])
     every = []
@@ -62,15 +65,19 @@ def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[st
         every.append(moved)
     away = np.array(every)
     if not np.isfinite(away).all():
-        name = mine.names[int(np.flatnonzero(~np.isfinite(away).all(axis=0))[0])]
-        raise DataError(f"{name}: the size of {', '.join(effects)} in it is not finite; use --traced")
+        n = int(np.flatnonzero(~np.isfinite(away).all(axis=0))[0])
+        raise DataError(f"{mine.names[n]}: the size of {of[n]} in it is not finite; use --traced")
     square = np.ix_(chosen, chosen)
     covariance = away.T @ away / len(away)
     for one in traced.evaluation.model_errors():
         covariance = covariance + np.outer(times, times) * one.covariance[square]
     covariance += np.diag(np.maximum(times**2 * other.of_fit[chosen] - mine.of_fit, 0.0))
-    line = TypeA(covariance, np.inf, LINE.format(", ".join(effects)), SOURCE, "B")
-    type_a = (*declared.type_a, line)
+    theirs = {names: np.array([one == names for one in of], np.float64) for names in dict.fromkeys(of)}
+    lines = [
+        TypeA(covariance * np.outer(mask, mask), np.inf, LINE.format(names), SOURCE, "B")
+        for names, mask in theirs.items()
+    ]
+    type_a = (*declared.type_a, *lines)
     made = budgets(
         mine.names,
         mine.units,
@@ -80,7 +87,7 @@ def with_undeclared(declared: RunBudget, traced: RunBudget, effects: Sequence[st
         probability=declared.budgets[0].coverage_probability,
         shapes=shapes,
     )
-    return replace(declared, budgets=tuple(made), type_a=type_a, undeclared=_moved(line, made))
+    return replace(declared, budgets=tuple(made), type_a=type_a, undeclared=_moved(covariance, made))
 
 
 def _same_readings(traced: Evaluation, mine: Results, chosen: IntArray) -> FloatArray:
@@ -147,9 +154,17 @@ def _per_output(declared: RunBudget, through: Mapping[int, int], moved: FloatArr
     return found
 
 
-def _moved(line: TypeA, made: Sequence[Budgeted]) -> tuple[str, ...]:
-    """Names of the results in which a line of their budgets counts."""
-    size: FloatArray = np.sqrt(np.diag(line.covariance))
+def _effects_of(sensors: Sequence[str], effects: Mapping[str, Sequence[str]]) -> list[str]:
+    """(m,) names of the effects of each result's sensor; of all sensors where a result is of several, or where the
+    sensor itself has none.
+    """
+    every = ", ".join(dict.fromkeys(name for names in effects.values() for name in names))
+    return [", ".join(effects.get(sensor, ())) or every for sensor in sensors]
+
+
+def _moved(covariance: FloatArray, made: Sequence[Budgeted]) -> tuple[str, ...]:
+    """Names of the results in which effects count."""
+    size: FloatArray = np.sqrt(np.diag(covariance))
     return tuple(one.name for one, u in zip(made, size, strict=True) if u > SMALL * one.standard_uncertainty)
 
 

@@ -142,7 +142,8 @@ def _budget(run: CertifiedRun, asked: Asked, settings: CertificateSettings, reas
     """Budgets by the accepted model; otherwise by the declared one, with the size of the effects that it lacks."""
     if run.of is None:
         return
-    found = tuple(dict.fromkeys(one.effect for o in run.outcomes for one in o.named if one.kind == "effect"))
+    by_sensor = {o.sensor: tuple(one.effect for one in o.named if one.kind == "effect") for o in run.outcomes}
+    found = tuple(dict.fromkeys(name for names in by_sensor.values() for name in names))
     run.accepted = bool(found) and (asked.traced or assembly.all_confirmed(found, run.confirmed))
     more: dict[str, Any] = {
         "at": settings.at,
@@ -153,7 +154,7 @@ def _budget(run: CertifiedRun, asked: Asked, settings: CertificateSettings, reas
     made = budget_of(run.of, **more, options={"traced": True} if run.accepted else None)
     if found and not run.accepted:
         with_effects = budget_of(run.of, **more, options={"traced": True})
-        made = with_undeclared(made, with_effects, found, more["shapes"])
+        made = with_undeclared(made, with_effects, by_sensor, more["shapes"])
     run.budget = made
     reasons.extend(_of_budget(made, settings, str(asked.settings_file), stated=run.stated))
 
