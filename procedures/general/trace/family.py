@@ -41,6 +41,8 @@ FIRST, FAR = 4, 10.0 * BEHIND
 """Number of draws after which those are left out that are this far behind in all of them."""
 TAIL = 40
 """Number of draws beyond which the tail of an effect's score is continued as an exponential."""
+KEPT, FEWEST_AT_ONCE = 300_000, 32
+"""Scores that stay in the cache while they are used, and the fewest draws that are scored at once."""
 AT_ONCE = 256
 """Columns whose contributions of single rows are worked out at once."""
 CERTAIN = 60.0
@@ -217,30 +219,35 @@ def _ratios(
     simulated: Simulated, without: IntArray, beside: IntArray, drawn: FloatArray, rank: IntArray, df: int
 ) -> Single:
     """(J, m) F equivalent to the likelihood ratio of every candidate, as in `likelihood.ratio`."""
-    problem = simulated.problem
+    problem, m = simulated.problem, drawn.shape[1]
     n, log_det = problem.n, problem.noise.log_det
-    zero = log_det[beside[0]]
-    alone = np.full(drawn.shape[1], np.inf)
-    joined = np.full((len(rank), drawn.shape[1]), np.inf, np.float32)
+    alone, joined = np.full(m, np.inf), np.full((len(rank), m), np.inf, np.float32)
+    usual = np.full(m, np.nan)
+    at_once = max(FEWEST_AT_ONCE, KEPT // max(simulated.columns.shape[1], 1))
     for g in np.union1d(without, beside).tolist():
         found = simulated.under(g)
         left = off(problem.noise.whiten(np.array([g]), drawn)[0], found.basis)
         total = np.sum(left**2, axis=0)
-        deviance = n * np.log(total) + log_det[g] - zero
+        deviance = n * np.log(total) + log_det[g]
+        usual = np.where(np.isnan(usual), deviance, usual)
+        size = np.exp(np.clip((deviance - usual) / n, -_MOST, _MOST))  # as a sum of squares; no logarithm of each draw
         if g in without:
-            alone = np.minimum(alone, deviance)
+            alone = np.minimum(alone, size)
         if g not in beside:
             continue
         left /= np.sqrt(total)
-        gains = found.gains(simulated.columns.T @ problem.noise.back(g, left).astype(np.float32), left)
-        np.log1p(-np.minimum(gains, np.float32(1.0 - 1e-6)), out=gains)
-        gains *= n
-        gains += deviance.astype(np.float32)
-        np.minimum(joined, gains, out=joined)
-    gained = (alone.astype(np.float32) - joined) / n
+        back, size = problem.noise.back(g, left).astype(np.float32), size.astype(np.float32)
+        for some in (slice(first, first + at_once) for first in range(0, m, at_once)):
+            after = found.gains(simulated.columns.T @ back[:, some], left[:, some])
+            np.subtract(1.0, after, out=after)
+            np.maximum(after, np.float32(1e-6), out=after)
+            after *= size[some]
+            np.minimum(joined[:, some], after, out=joined[:, some])
+    ratio = np.minimum(alone.astype(np.float32) / joined, np.float32(np.exp(_MOST)))
+    fell = ratio > 1.0
+    ratio = np.log(np.maximum(ratio, _TINY), out=ratio - 1.0, where=~fell)
     ranks = np.maximum(rank, 1)[:, None].astype(np.float32)
-    gained = np.where(gained > 0.0, np.expm1(np.minimum(gained, _MOST)), gained)
-    return np.asarray(gained * (np.maximum(df - ranks, 1.0) / ranks), np.float32)
+    return np.asarray(ratio * (np.maximum(df - ranks, 1.0) / ranks), np.float32)
 
 
 def _scatter(found: Blocks, noise: Single, df: int) -> Single:
