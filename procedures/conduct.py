@@ -97,7 +97,8 @@ class Conduct:
         any_instruments: whether the bench file says what sets each factor, and any instrument that can may do it.
         models_of: sensors that the procedure names; the bench must have them.
         misfit: what is wrong with the declared models on a bench with these sensors' columns, by name, that reads these
-            quantities beside the factors; "" if nothing is. None if nothing can be.
+            quantities beside the factors, each with the factor in whose place it is read, or ""; "" if nothing is. None
+            if nothing can be.
         least_jump: deviation of an output without a warning, as a fraction of its span.
     """
 
@@ -123,7 +124,7 @@ class Conduct:
     response: Callable[[Mapping[str, float]], tuple[float, ...]] | None = None
     any_instruments: bool = False
     models_of: Collection[str] = ()
-    misfit: Callable[[Mapping[str, str], Collection[str]], str] | None = None
+    misfit: Callable[[Mapping[str, str], Mapping[str, str]], str] | None = None
     least_jump: float = 0.05
 
     def settled(self, axis: str) -> Settle:

@@ -195,9 +195,12 @@ class BenchConfig(_Strict):
         return {name: by for name, by in read.items() if self.instruments[by[0]].by_hand}
 
     @property
-    def read_only(self) -> tuple[str, ...]:
-        """Quantities that are read and that no factor is: temperatures, and what a factor sets in another unit."""
-        return (*self.temperatures, *(name for name, one in self.references.items() if one.of))
+    def read_only(self) -> Mapping[str, str]:
+        """Quantities that are read and that no factor is, each with the factor that sets it in another unit; "" for
+        temperatures.
+        """
+        set_by = {name: one.of for name, one in self.references.items() if one.of}
+        return {**dict.fromkeys(self.temperatures, ""), **set_by}
 
     @property
     def steered(self) -> Mapping[str, str]:

@@ -20,7 +20,7 @@ from fitter.errors import FitError
 from procedures.budgeting import alike
 from procedures.general.budget import GeneralEvaluation
 from procedures.general.budget_sensor import Sensor
-from procedures.general.of_runs import Asked, recorded
+from procedures.general.of_runs import Asked, recorded, trace_run
 from procedures.general.traced import with_effects
 from procedures.table import Table
 
@@ -34,7 +34,10 @@ class TracedEvaluation(GeneralEvaluation):
     def __init__(self, table: Table, at: Sequence[Mapping[str, float]]) -> None:
         asked = Asked.of(table)
         assert asked is not None  # a run's own outputs
-        self._found, self._points = with_effects(asked, (), covered=True), _with_means(table, at)
+        self._found, self._points = (
+            with_effects(asked, trace_run(asked, validate=False), covered=True),
+            _with_means(table, at),
+        )
         super().__init__(self._found.asked.table, self._points, self._found.asked.models)
         off, by_side = self._found.off, self._found.by_side
         self._each = [replace(one, beside=off.get(one.name), by_side=by_side.get(one.name)) for one in self._each]

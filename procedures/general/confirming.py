@@ -24,7 +24,7 @@ from procedures.general.effects.of_others import HYSTERESIS
 from procedures.general.factors import RANDOM
 from procedures.general.found_in_run import FoundInRun
 from procedures.general.further_runs import values_of, with_routine
-from procedures.general.of_runs import Asked, RunTraced, fit_run, recorded
+from procedures.general.of_runs import Asked, RunTraced, fit_run, noted_of, recorded
 from procedures.general.options import FitOptions, TraceOptions
 from procedures.general.own_time import TIME
 from procedures.general.planning import check_declared, evaluations
@@ -42,6 +42,10 @@ WITHIN = 0.05
 CHOSEN = "chosen by rig confirm"
 """In place of the name of a file with the points."""
 OWN_UNITS = "the unit of each output"
+NOT_OURS = (
+    "it is no function of settings and recorded quantities, and its size in this run is not known: the calibration "
+    "does not have it"
+)
 
 
 def cannot_confirm(table: Table, options: TraceOptions) -> str:
@@ -209,11 +213,16 @@ class GeneralConfirming(Confirming):
         record: dict[str, Any],
         options: FitOptions,
     ) -> ConfirmedFit:
-        """Columns of confirmed causes that are functions of the table's own columns are added to the models."""
+        """Columns of confirmed causes that are functions of the table's own columns are added to the models. Others, of
+        time or memory, are taken off the outputs, as by `rig fit --traced`.
+        """
+        from procedures.general.traced import with_effects  # noqa: PLC0415 - which needs this module
+
         asked = Asked.of(self.traced.table, options.response, options.formula)
         if asked is None:
             raise DataError(f"--response {options.response} is no output of the run")
         added: dict[str, list[str]] = {}
+        off: dict[str, str] = {}
         for answer, question, effect in zip(answers, questions, record["effects"], strict=True):
             effect["terms"] = []
             if answer.verdict not in SETTLED:
@@ -224,13 +233,18 @@ class GeneralConfirming(Confirming):
             known = (*self.traced.table.factors, *recorded(self.traced.table))
             usable = {term: usable_term(term.term.name, known) for term in terms}
             if not all(usable.values()):
-                why = "it is no function of settings and recorded quantities: the calibration does not have it"
-                effect["used"] = f"{effect['told']}; {why}"
+                off[answer.effect] = answer.holding[0]
                 continue
             for term in terms:
                 added.setdefault(term.sensor, []).append(f"I({usable[term]})")
             effect["terms"] = [f"{term.sensor}: I({usable[term]})" for term in terms]
-        return ConfirmedFit(fit_run(asked.adding(added)), record)
+        run = with_effects(asked, self.traced, only=off)
+        every = [note for notes in run.notes.values() for note in notes]
+        for answer, effect in zip(answers, record["effects"], strict=True):
+            if answer.effect in off:
+                told = [note for note in every if note.startswith(f"{off[answer.effect]} ")] or [NOT_OURS]
+                effect["used"] = f"{effect['told']}; {told[0]}"
+        return ConfirmedFit(noted_of(fit_run(run.asked.adding(added)), run.notes), record)
 
     @cached_property
     def _times_s(self) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -58,7 +58,7 @@ def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
     return found
 
 
-def misfit(procedure: GeneralProcedure, sensors: Mapping[str, str], read: Collection[str]) -> str:
+def misfit(procedure: GeneralProcedure, sensors: Mapping[str, str], read: Mapping[str, str]) -> str:
     """See `Conduct.misfit`: variables that nothing reads, and units that a standard model does not convert."""
     known = [*procedure.factors, *read]
     for name, column in sensors.items():
@@ -76,12 +76,18 @@ def misfit(procedure: GeneralProcedure, sensors: Mapping[str, str], read: Collec
             unread = [one for one in Formula.parse(model.formula).names if one not in known]
             if model.abscissa is not None and model.abscissa not in Formula.parse(model.formula).names:
                 return f"{where}.abscissa = {model.abscissa!r} is not in its formula, {model.formula}"
+            replaced = {factor: one for one, factor in read.items() if factor}
+            if twice := [one for one in Formula.parse(model.formula).names if one in replaced]:
+                return (
+                    f"{where}.formula: {twice[0]} sets {replaced[twice[0]]}, which is read in its place: write "
+                    f"{replaced[twice[0]]}"
+                )
             if unread:
                 return f"{where}.formula: {_not_read(unread[0], procedure, read)}"
     return ""
 
 
-def _not_read(name: str, procedure: GeneralProcedure, read: Collection[str]) -> str:
+def _not_read(name: str, procedure: GeneralProcedure, read: Mapping[str, str]) -> str:
     """Why a quantity cannot be in a model, and what to declare."""
     if name.endswith(_DEGC):
         there = [one for one in read if one.endswith(_DEGC)]

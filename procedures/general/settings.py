@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, ClassVar, Literal, Self
@@ -360,7 +360,7 @@ class GeneralProcedure(Strict):
             misfit=self._misfit,
         )
 
-    def _misfit(self, sensors: Mapping[str, str], read: Collection[str]) -> str:
+    def _misfit(self, sensors: Mapping[str, str], read: Mapping[str, str]) -> str:
         from procedures.general.planning import misfit  # noqa: PLC0415 - imports the fitter
 
         return misfit(self, sensors, read)

@@ -22,7 +22,7 @@ from procedures.general.confirming import usable_term
 from procedures.general.effects.columns import less, middle, origin
 from procedures.general.effects.of_time import WARM_UP
 from procedures.general.effects.time_columns import lag, of_start, previous
-from procedures.general.of_runs import Asked, RunFitted, fit_run, noted_of, recorded, trace_run
+from procedures.general.of_runs import Asked, RunFitted, RunTraced, fit_run, noted_of, recorded, trace_run
 from procedures.general.own_time import TIME
 from procedures.general.trace import FoundTableEffect, TableTrace
 from procedures.table import Table
@@ -71,35 +71,44 @@ def fit_traced(asked: Asked, leave_out: Sequence[str], own: Sequence[Entry]) -> 
     Raises:
         DataError: as for a fit and a trace.
     """
-    found = with_effects(asked, own)
+    found = with_effects(asked, trace_run(asked, own, validate=False))
     return noted_of(fit_run(found.asked, leave_out), found.notes)
 
 
-def with_effects(asked: Asked, own: Sequence[Entry], *, covered: bool = False) -> WithEffects:
-    """Trace every sensor of a run.
+def with_effects(
+    asked: Asked, traced: RunTraced, *, covered: bool = False, only: Mapping[str, str] | None = None
+) -> WithEffects:
+    """A run with the effects that its trace found.
 
     Args:
         asked: the run.
-        own: effects of the laboratory.
+        traced: its trace.
         covered: whether intervals will cover the other causes.
-
-    Raises:
-        DataError: as for a trace.
+        only: effects, each with the cause in whose place it stands, itself or one that the data cannot separate from
+            it; all effects, as they are, if None.
     """
-    traced = trace_run(asked, own, validate=False)
     parts: dict[str, dict[str, Part]] = {output: {} for output in asked.models}
     notes: dict[str, list[str]] = {output: [] for output in asked.models}
     replaced: list[tuple[str, str, str, Part]] = []
     for output, one in traced.each.items():
-        for effect in one.trace.added:
+        for effect in one.trace.added if output in parts else ():
             part = _part(asked, one.trace, _candidates(one.trace, effect), np.array(effect.coefficients))
+            name = effect.effect
+            others = list(_others(asked, output, one.trace, effect))
+            if only is None:
+                notes[output] += filter(None, [_doubt(effect, covered=covered)])
+                replaced += [(output, effect.effect, *other) for other in others]
+            else:
+                name = only.get(effect.effect, "")
+                every = {**dict(others), effect.effect: part}
+                if name not in every:
+                    continue
+                part = every[name]
             parts[output][effect.effect] = part
-            used = _used(effect, part, output, asked.table)
-            notes[output] += [told for told in (_doubt(effect, covered=covered), used) if told]
-            replaced += [(output, effect.effect, *other) for other in _others(asked, output, one.trace, effect)]
+            notes[output].append(_used(name, part, output, asked.table))
     for output in traced.not_traced:
         notes[output] = ["it was not traced: its declared model is not linear in its coefficients"]
-    others = (
+    runs = (
         (output, name, member, _run_with(asked, {**parts, output: {**parts[output], name: part}}))
         for output, name, member, part in replaced
     )
@@ -112,7 +121,7 @@ def with_effects(asked: Asked, own: Sequence[Entry], *, covered: bool = False) -
         sided = [part.off[back] for name, part in by.items() if part.holds == HALF_WAY or (output, name) in perhaps]
         if sided:
             by_side[output] = np.asarray(np.sum(sided, axis=0))
-    return WithEffects(_run_with(asked, parts), notes, tuple(others), off, by_side)
+    return WithEffects(_run_with(asked, parts), notes, tuple(runs), off, by_side)
 
 
 def _run_with(asked: Asked, parts: Mapping[str, Mapping[str, Part]]) -> Asked:
@@ -129,18 +138,16 @@ def _run_with(asked: Asked, parts: Mapping[str, Mapping[str, Part]]) -> Asked:
     return replace(asked, table=replace(table, columns=columns)).adding(terms)
 
 
-def _used(effect: FoundTableEffect, part: Part, output: str, table: Table) -> str:
+def _used(name: str, part: Part, output: str, table: Table) -> str:
     if part.holds:
         size = f"{np.max(np.abs(part.off)):.3g} {unit_of(output)}".strip()
         return (
-            f"{effect.effect} was fitted and is left out of the calibration, which holds {part.holds}. In the run "
+            f"{name} was fitted and is left out of the calibration, which holds {part.holds}. In the run "
             f"{output} was up to {size} away from that: intervals take this as known, and no other state is in them"
         )
-    told = f"{effect.effect} is in the calibration: {', '.join(effect.terms)}"
-    used = [name for name in recorded(table) if any(name in _NAME.findall(term) for term in part.terms)]
-    where = ", ".join(
-        f"{name} ({np.min(table.columns[name]):.5g} to {np.max(table.columns[name]):.5g})" for name in used
-    )
+    told = f"{name} is in the calibration: {', '.join(part.terms)}"
+    used = [one for one in recorded(table) if any(one in _NAME.findall(term) for term in part.terms)]
+    where = ", ".join(f"{one} ({np.min(table.columns[one]):.5g} to {np.max(table.columns[one]):.5g})" for one in used)
     return f"{told}; readings in use need {where}" if used else told
 
 

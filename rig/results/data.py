@@ -304,6 +304,8 @@ def fit_source(
 
         if leave_out:
             raise UsageError("--confirmed-by uses all rows: omit --leave-out")
+        if given.get("at"):
+            raise UsageError("--at predicts by the declared model: rig budget RUN --traced --at ... has the effects")
         fitted = fit_confirmed(run, confirmed_by, options, of.table_of)
     else:
         fitted = kind.fit(source, options, leave_out=leave_out, own=laboratory_effects(), keep=keep)

@@ -184,7 +184,8 @@ class Laboratory:
         for key, tables in (("lags", self._truth.lags), ("draws", self._truth.draws)):
             for name, table in tables.items():
                 if table.of not in self._factors and not (key == "lags" and table.of in self._set_by):
-                    raise WorldError(f"{key}.{name}.of = {table.of!r} is not a factor of this bench")
+                    known = [*self._factors, *(self._set_by if key == "lags" else ())]
+                    raise WorldError(f"{key}.{name}.of = {table.of!r} is none of this bench: {', '.join(known)}")
         for factor, table in standards.items():
             text, of_bench = self._truth.references.get(factor, StandardTruth()).formula, table.get("formula")
             if factor in self._quantities:

@@ -53,7 +53,7 @@ def make(folder: Path, effects, *, pitches: int = 19, replications: int = 3) -> 
     procedure["design"] = {
         "type": "D", "pitch_deg": np.linspace(-180, 180, pitches).tolist(), "roll_deg": [0.0],
     }  # fmt: skip
-    texts = {"bench.toml": bench, "procedure.toml": procedure, "world.toml": {"seed": 5, "effects": effects}}
+    texts = {"bench.toml": bench, "procedure.toml": procedure, "world.toml": {"seed": 6, "effects": effects}}
     plan = plan_of({name: toml_text(values) for name, values in texts.items()}, dry=True)
     return run(plan, folder)
 

@@ -6,6 +6,7 @@ evenly from row to row.
 
 from __future__ import annotations
 
+import json
 import re
 from itertools import pairwise
 
@@ -63,6 +64,16 @@ def test_a_late_response_is_confirmed_by_a_run_in_another_order(first):
     assert "setting-lag:flow_kg_per_min is confirmed by a further run" in done.stdout
     part = float(re.search(r"predicted by the first run, all but ([\d.]+) % of it", done.stdout)[1])
     assert part < 10.0
+
+
+def test_a_calibration_by_a_confirmed_lag_is_that_of_the_trace(first):
+    """The lag stayed in the outputs of a calibration whose further run had confirmed it: it was less right for that."""
+    (later,) = (first.parent / "later").glob("**/*.sqlite")
+    told = [json.loads(rig("fit", first, *how, "--json").stdout) for how in (("--confirmed-by", later), ("--traced",))]
+    confirmed, traced = ({term: value["estimate"] for term, value in one["coefficients"].items()} for one in told)
+    assert confirmed == traced
+    (effect,) = told[0]["confirmed_by"]["effects"]
+    assert "setting-lag:flow_kg_per_min was fitted and is left out of the calibration" in effect["used"]
 
 
 def test_a_lag_that_is_half_as_large_again_in_the_further_run_is_rejected(first):

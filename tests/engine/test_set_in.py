@@ -238,3 +238,11 @@ def test_two_quantities_may_be_set_by_one_factor_that_has_a_standard_too():
     assert {row["flow_side"] for row in rows} == {1.0}
     assert {row["drop_side"] for row in rows} == {-1.0}, "it falls where the valve opens"
     assert not any({"valve_V", "valve_side"} & row.keys() for row in rows)
+
+
+def test_a_factor_that_is_read_in_another_unit_is_in_no_model(folder):
+    """It passed plan and run, and `rig fit` had no such column in the morning."""
+    (folder / "volts.toml").write_text(PROCEDURE.replace('"1 + flow_kg_per_min', '"1 + valve_V + flow_kg_per_min'))
+    told = rig("plan", "volts.toml", "--bench", "bench.toml", cwd=folder)
+    assert told.returncode == 78
+    assert "valve_V sets flow_kg_per_min, which is read in its place: write flow_kg_per_min" in told.stderr

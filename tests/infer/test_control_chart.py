@@ -39,7 +39,7 @@ def make_run(folder, number, *, bench=LAB / "bench.toml", text=PROCEDURE, ppm=No
     ppm = PPM_PER_YEAR * 182 / 365.25 * number if ppm is None else ppm
     world = folder / f"world-{number}.toml"
     world.write_text(
-        f"seed = {number + 101}\nepoch = {began:%Y-%m-%dT%H:%M:%S}Z\n"
+        f"seed = {number + 111}\nepoch = {began:%Y-%m-%dT%H:%M:%S}Z\n"
         f"[sensors.x]\nsensitivity_V_per_g = {5.02 * (1 + 1e-6 * ppm):.9f}\nconing_deg = 0.2\nnoise_V = 25e-6\n"
     )
     return str(dry(folder, bench=bench, world=world, text=text))

@@ -690,7 +690,7 @@ def test_a_plan_says_hours_precision_and_what_is_confounded(tmp_path):
         ('[sensors.cell]\nformula = "__import__(1)"', "is not possible here"),
         ('[sensors.cell]\nformula = "1 +"', "is no arithmetic"),
         ("[effects.backlash]\npitch_arcsec = 3", "write `hidden`"),
-        ('[lags.creep]\nof = "load_kN"', "is not a factor of this bench"),
+        ('[lags.creep]\nof = "load_kN"', "is none of this bench: force_kN"),
         ("[sources.load_kN]", "sources.load_kN is not known"),
     ],
 )
