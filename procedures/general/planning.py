@@ -259,8 +259,10 @@ def _of_nothing(procedure: GeneralProcedure, run_list: RunList) -> Iterator[str]
             continue  # a thermometer in the model may be one that follows it
         if sets and not procedure.factors[factor.name].hard:
             continue
+        others = [name for formula in linear for name in formula.names if name != factor.name]
+        of_slope = f", and `+ {factor.name}:{others[0]}` that on the sensitivity" if others else ""
         yield (
             f"{factor.name} is varied and in no sensor's model: its influence, if any, goes into the residual, and "
-            f"calibrations hold at its mean ({sum(values) / len(values):.4g}); `+ {factor.name}` in model.formula "
-            "estimates it"
+            f"calibrations hold at its mean, {sum(values) / len(values):.4g} {unit_in(factor.name)}; "
+            f"`+ {factor.name}` in model.formula estimates that on the offset{of_slope}"
         )

@@ -68,7 +68,8 @@ CONFORMITY = ("The statements hold for the results above, at the time of the cal
 EFFECTS = "The declared model does not have these effects; they were found in the data of the run."
 UNCONFIRMED = "The cause of an effect that is not confirmed is known by these data alone."
 EVIDENCE = (
-    "Every number above comes from this run file. Its head hash is the fingerprint of all of its records: "
+    "Every measured number above comes from this run file, and that of a confirmed effect from the further run that "
+    "stands with it, too. The head hash is the fingerprint of all records of the file: "
     "`rig verify FILE --head HASH` shows whether a copy of the file is the one that this certificate was made from.",
 )
 EVIDENCE_OF_TABLE = (

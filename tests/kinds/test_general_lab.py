@@ -154,7 +154,7 @@ def test_a_factor_that_is_varied_and_in_no_model_is_said_to_be_left_to_the_resid
         return [one.sentence for one in advice(parse_procedure(text, "p")) if bath in one.sentence]
 
     (one,) = said("1 + line_psia")
-    assert "goes into the residual, and calibrations hold at its mean (25); `+ bath_degC` in model.formula" in one
+    assert "goes into the residual, and calibrations hold at its mean, 25 degC; `+ bath_degC` in model.formula" in one
     assert not said("1 + line_psia + bath_degC")
     assert not said("1 + line_psia + oven_air_degC"), "a thermometer may follow it"
     assert not said("1 + line_psia", '[model.cell]\nformula = "1 + line_psia + bath_degC"\n')
