@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from procedures.general.effects.time_columns import lag, of_start, previous
 from procedures.general.of_runs import Asked, RunFitted, RunTraced, fit_run, noted_of, recorded, trace_run
 from procedures.general.own_time import TIME
 from procedures.general.trace import FoundTableEffect, TableTrace
+from procedures.general.trace.estimate import of_constants
 from procedures.table import Table
 
 HALF_WAY = "half-way between both directions"
@@ -39,11 +40,13 @@ class Part:
         terms: of the model: the effect, if it is a function of known quantities; otherwise its value at rest.
         off: (n,) contribution that is taken off the output otherwise, in order of time; zero for a term.
         holds: for which state the calibration holds without it, in words; "" if it is in the calibration.
+        slopes: (n, c) direction in which that contribution changes with each of its searched constants.
     """
 
     terms: tuple[str, ...]
     off: FloatArray
     holds: str = ""
+    slopes: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +57,7 @@ class WithEffects:
         asked: the run: outputs without effects that are left out, models with the terms of the others.
         notes: sentences about the effects, by output.
         others: output, effect, another cause that the data cannot separate from it, and the run with that one.
-        off: (n, q) effects that were taken off, by output.
+        off: (n, q) effects that were taken off, and their changes with searched constants, by output.
         by_side: (n,) the part of them that is of the direction of approach, or that these data cannot separate from it.
     """
 
@@ -116,8 +119,8 @@ def with_effects(
     perhaps = {(output, name) for output, name, _, part in replaced if part.holds == HALF_WAY}
     off, by_side = {}, {}
     for output, by in parts.items():
-        if each := [part.off[back] for part in by.values() if part.off.any()]:
-            off[output] = np.column_stack(each)
+        if each := [part for part in by.values() if part.off.any()]:
+            off[output] = np.column_stack([*(part.off for part in each), *(part.slopes for part in each)])[back]
         sided = [part.off[back] for name, part in by.items() if part.holds == HALF_WAY or (output, name) in perhaps]
         if sided:
             by_side[output] = np.asarray(np.sum(sided, axis=0))
@@ -188,6 +191,7 @@ def _part(asked: Asked, trace: TableTrace, candidates: Sequence[int], coefficien
     if all(usable):
         return Part(tuple(f"I({label})" for label in usable), np.zeros(len(columns)))
     effect = judge.candidates[candidates[0]].effect
+    slopes = of_constants(judge, candidates, coefficients)[0]
     terms: tuple[str, ...] = ()
     if effect.kind.terms is lag:  # at rest a lag is its setting, which the model needs
         name = effect.columns[0]
@@ -204,9 +208,10 @@ def _part(asked: Asked, trace: TableTrace, candidates: Sequence[int], coefficien
     elif effect.family == "direction":
         holds = HALF_WAY
     else:
-        columns = columns - _mean_over_time(columns, [trace.variables[one] for one in effect.columns if one in known])
+        settings = [trace.variables[one] for one in effect.columns if one in known]
+        columns, slopes = (one - _mean_over_time(one, settings) for one in (columns, slopes))
         holds = "for its mean over the run"
-    return Part(terms, np.asarray(columns @ coefficients), holds)
+    return Part(terms, np.asarray(columns @ coefficients), holds, slopes)
 
 
 def _mean_over_time(columns: FloatArray, settings: Sequence[FloatArray]) -> FloatArray:

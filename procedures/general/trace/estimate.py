@@ -80,7 +80,7 @@ def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | Non
 
     left, df = _plain(judge, chosen)
     alone = errors(model) or (*_smallest(model, problem.y), np.full(k, float(df)))
-    slopes, taken = _of_constants(judge, chosen, alone[0][problem.declared.shape[1] :])
+    slopes, taken = of_constants(judge, chosen, alone[0][problem.declared.shape[1] :])
     with_them = errors(np.hstack([model, slopes])) if slopes.shape[1] else alone
     if with_them is None:
         names = (judge.candidates[j].effect.name for j in _searched(judge, chosen))
@@ -96,7 +96,7 @@ def _searched(judge: TableJudge, chosen: Sequence[int]) -> list[int]:
     return [j for j, profile in profiles if profile is not None and profile.low < profile.high]
 
 
-def _of_constants(judge: TableJudge, chosen: Sequence[int], sizes: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
+def of_constants(judge: TableJudge, chosen: Sequence[int], sizes: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
     """(n, c) change of the response with each searched constant of the chosen candidates, whose columns have these
     coefficients (d,), to a factor; and the effects of which the change is zero between rows.
     """
