@@ -44,6 +44,13 @@ def test_results_of_meters_of_no_example_hold_at_rest(meter, name, seed):
     _holds(_general(seed, name, meter))
 
 
+def test_the_error_of_a_creeps_time_constant_is_in_its_results():
+    """It was taken as known: 86 % of such results held, and of these 16 only 11."""
+    errors = np.abs([_general(seed, "creep")["traced"] for seed in (1, 3, 5, 6)])
+    print("errors over U:", errors.round(2).tolist())
+    assert np.count_nonzero(errors < 1.0) >= 14
+
+
 def test_the_inversion_of_a_square_root_stays_in_its_domain():
     """At zero it went a rounding below it, and the budget ended in a fault; that of the declared model is refused."""
     found = _general(9, "square")
