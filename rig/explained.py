@@ -51,6 +51,8 @@ _OF_PATTERNS = (
         "should have one {next}, such as LC-{year}-{next:04d}, and no slash",
     ),
     (r"[123](0[1-9]|1[0-9]|20)", "should be a slot and a channel of the scanner: 101 to 120, 201 to 220 or 301 to 320"),
+    (r"-?\d+(\.\d+)?([eE][+-]?\d+)?", 'should be a number as text, with the digits that it has: "0.0210"'),
+    (r"0\.\d+", 'should be a probability as text: "0.95"'),
     (r"(none|event-[1-8]|key-[1-4])", "should be none, event-1 to event-8, or key-1 to key-4"),
 )
 """Patterns of texts, and what to write. A test finds a pattern of our models that is not here."""

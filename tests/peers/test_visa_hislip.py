@@ -19,7 +19,7 @@ SERVER = Path(__file__).parent / "hislip_server.py"
 
 @pytest.fixture
 def served():
-    path = os.pathsep.join([str(SERVER.parents[1]), str(SERVER.parents[2])])
+    path = os.pathsep.join([str(SERVER.parents[1] / "support"), str(SERVER.parents[2])])
     server = subprocess.Popen(
         [sys.executable, SERVER], stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": path}
     )

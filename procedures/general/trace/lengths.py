@@ -81,11 +81,17 @@ class Simulated:
         """(n, k) orthonormal basis of the declared columns over each row's sd, and (k, D) candidates along it."""
         sd = self.problem.sd[:, None]
         basis = orthonormal(self.problem.declared / sd)
-        return basis, (basis / sd).T @ self.problem.columns
+        return basis, (basis / sd).T @ self.problem.columns / self._size
+
+    @cached_property
+    def _size(self) -> FloatArray:
+        """(D,) largest value of each candidate's column, over which it is taken: products are of single precision."""
+        size = np.max(np.abs(self.problem.columns), axis=0)
+        return np.where(size > 0.0, size, 1.0)
 
     @cached_property
     def columns(self) -> Single:
-        """(n, D) all candidates over each row's sd, with the declared columns removed."""
+        """(n, D) all candidates, each over its size and each row's sd, with the declared columns removed."""
         out = np.empty(self.problem.columns.shape, np.float32)
         for some in self.problem.few:
             out[:, some] = self._some(some)
@@ -93,7 +99,8 @@ class Simulated:
 
     def _some(self, some: slice) -> FloatArray:
         declared, along = self._declared
-        return np.asarray(self.problem.columns[:, some] / self.problem.sd[:, None] - declared @ along[:, some])
+        own = self.problem.columns[:, some] / self._size[some] / self.problem.sd[:, None]
+        return np.asarray(own - declared @ along[:, some])
 
     def under(self, at: int) -> Lengths:
         """Whitened by covariance `at`."""
