@@ -119,6 +119,7 @@ def strata(
     side: FloatArray,
     beside: FloatArray | None = None,
     pure: tuple[float, float] | None = None,
+    slopes: FloatArray | None = None,
 ) -> Strata:
     """The strata of rows in order of time.
 
@@ -128,6 +129,8 @@ def strata(
         replicate: (n,) number of the replication, from 0.
         side: (n,) +1 of a rising series, -1 of a falling one, 0 unknown or without series.
         beside: (n, q) what was fitted beside the model and taken off; None for nothing.
+        slopes: (n, c) how the rows change with constants that were searched: coefficients are less certain by them, and
+            they take nothing off the residuals.
         pure: variance of a row and its degrees of freedom, if they are known to be smaller than those of the residuals.
     """
     n, k = columns.shape
@@ -135,7 +138,8 @@ def strata(
     basis = orthonormal(every)
     left = off(left, basis)
     reverse, of_sides, left, basis = by_side(columns, basis, left, side)
-    df = n - basis.shape[1]
+    searched = np.zeros((n, 0)) if slopes is None else slopes
+    df = n - basis.shape[1] - searched.shape[1]
     variance, variance_df = (float(left @ left) / max(df, 1), float(df)) if pure is None else pure
     own = own_parameters(columns, replicate)
     own = orthonormal(off(own, basis), np.linalg.norm(own, axis=0))
@@ -144,6 +148,7 @@ def strata(
     between = _NOTHING
     if own.shape[1] and below[1] > 0 and below[0] > 0.0:
         between = FTest(above / own.shape[1] / (below[0] / below[1]), own.shape[1], below[1])
+    every = np.column_stack([every, searched])
     moved = np.linalg.pinv(every / (size := _sizes(every)))[:k] / size[:k, None]
     joined = np.where(replicate[1:] == replicate[:-1], 1.0, 0.0)
     r = 0.0 if pure is not None or between.p < DIFFER else _correlation(basis, left, joined)

@@ -35,6 +35,7 @@ class Sensor:
         at: (p,) values of every variable of the model, by name.
         expected: sum of squares that stated errors leave in the residuals; None if that is not known.
         beside: (n, q) effects that were fitted and taken off the output.
+        slopes: (n, c) how what was taken off changes with its searched constants.
         by_side: (n,) the part of them that is of the direction of approach.
         abscissa: the variable that is inferred, at the points' values of the others; None for the only one.
     """
@@ -46,6 +47,7 @@ class Sensor:
     at: Mapping[str, FloatArray]
     expected: float | None = None
     beside: FloatArray | None = None
+    slopes: FloatArray | None = None
     by_side: FloatArray | None = None
     abscissa: str | None = None
 
@@ -99,9 +101,9 @@ class Sensor:
         if found is None:
             return None
         time, pure = in_time(self.table), (found.variance, found.df) if found.explained else None
-        beside = None if self.beside is None else self.beside[time]
+        beside, slopes = (None if one is None else one[time] for one in (self.beside, self.slopes))
         left, replicate, side = self.residuals({}), replication_of(self.table), side_of(self.table)
-        return strata(self._tangent[time], left[time], replicate[time], side[time], beside, pure)
+        return strata(self._tangent[time], left[time], replicate[time], side[time], beside, pure, slopes)
 
     @cached_property
     def _tangent(self) -> FloatArray:

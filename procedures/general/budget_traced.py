@@ -39,8 +39,11 @@ class TracedEvaluation(GeneralEvaluation):
             _with_means(table, at),
         )
         super().__init__(self._found.asked.table, self._points, self._found.asked.models)
-        off, by_side = self._found.off, self._found.by_side
-        self._each = [replace(one, beside=off.get(one.name), by_side=by_side.get(one.name)) for one in self._each]
+        off, slopes, by_side = self._found.off, self._found.slopes, self._found.by_side
+        self._each = [
+            replace(one, beside=off.get(one.name), slopes=slopes.get(one.name), by_side=by_side.get(one.name))
+            for one in self._each
+        ]
 
     @cached_property
     def _moved(self) -> Sequence[tuple[str, str, str, FloatArray | None]]:

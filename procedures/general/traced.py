@@ -57,7 +57,8 @@ class WithEffects:
         asked: the run: outputs without effects that are left out, models with the terms of the others.
         notes: sentences about the effects, by output.
         others: output, effect, another cause that the data cannot separate from it, and the run with that one.
-        off: (n, q) effects that were taken off, and their changes with searched constants, by output.
+        off: (n, q) effects that were taken off, by output.
+        slopes: (n, c) their changes with searched constants.
         by_side: (n,) the part of them that is of the direction of approach, or that these data cannot separate from it.
     """
 
@@ -65,6 +66,7 @@ class WithEffects:
     notes: Mapping[str, list[str]]
     others: tuple[tuple[str, str, str, Asked], ...]
     off: Mapping[str, FloatArray]
+    slopes: Mapping[str, FloatArray]
     by_side: Mapping[str, FloatArray]
 
 
@@ -117,14 +119,15 @@ def with_effects(
     )
     back = np.argsort(np.argsort(asked.table.columns[TIME], kind="stable"), kind="stable")
     perhaps = {(output, name) for output, name, _, part in replaced if part.holds == HALF_WAY}
-    off, by_side = {}, {}
+    off, slopes, by_side = {}, {}, {}
     for output, by in parts.items():
         if each := [part for part in by.values() if part.off.any()]:
-            off[output] = np.column_stack([*(part.off for part in each), *(part.slopes for part in each)])[back]
+            off[output] = np.column_stack([part.off for part in each])[back]
+            slopes[output] = np.column_stack([part.slopes for part in each])[back]
         sided = [part.off[back] for name, part in by.items() if part.holds == HALF_WAY or (output, name) in perhaps]
         if sided:
             by_side[output] = np.asarray(np.sum(sided, axis=0))
-    return WithEffects(_run_with(asked, parts), notes, tuple(runs), off, by_side)
+    return WithEffects(_run_with(asked, parts), notes, tuple(runs), off, slopes, by_side)
 
 
 def _run_with(asked: Asked, parts: Mapping[str, Mapping[str, Part]]) -> Asked:

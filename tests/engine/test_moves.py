@@ -55,10 +55,15 @@ def test_a_late_response_is_named_alone_with_its_size_and_constant(first):
     assert "when flow_kg_per_min was set is not known" not in told
 
 
-def test_a_late_response_is_confirmed_by_a_run_in_another_order(first):
+@pytest.fixture(scope="module")
+def later(first):
+    """A run in another order, of another day."""
     procedure = PROCEDURE.replace('"up-down"', '"random"').replace("seed = 3", "seed = 9")
     world = WORLD.replace("seed = 5", 'seed = 77\nepoch = "2036-12-05T20:00:00Z"')
-    later = run_of(first.parent, "later", procedure, world)
+    return run_of(first.parent, "later", procedure, world)
+
+
+def test_a_late_response_is_confirmed_by_a_run_in_another_order(first, later):
     done = rig("confirm", first, "--by", later)
     assert done.returncode == 0, done.stdout
     assert "setting-lag:flow_kg_per_min is confirmed by a further run" in done.stdout
@@ -66,9 +71,8 @@ def test_a_late_response_is_confirmed_by_a_run_in_another_order(first):
     assert part < 10.0
 
 
-def test_a_calibration_by_a_confirmed_lag_is_that_of_the_trace(first):
+def test_a_calibration_by_a_confirmed_lag_is_that_of_the_trace(first, later):
     """The lag stayed in the outputs of a calibration whose further run had confirmed it: it was less right for that."""
-    (later,) = (first.parent / "later").glob("**/*.sqlite")
     told = [json.loads(rig("fit", first, *how, "--json").stdout) for how in (("--confirmed-by", later), ("--traced",))]
     confirmed, traced = ({term: value["estimate"] for term, value in one["coefficients"].items()} for one in told)
     assert confirmed == traced
