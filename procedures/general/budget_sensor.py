@@ -36,7 +36,7 @@ class Sensor:
         expected: sum of squares that stated errors leave in the residuals; None if that is not known.
         beside: (n, q) effects that were fitted and taken off the output.
         slopes: (n, c) how what was taken off changes with its searched constants.
-        by_side: (n,) the part of them that is of the direction of approach.
+        by_side: (n,) the part of what was taken off that is of the direction of approach.
         abscissa: the variable that is inferred, at the points' values of the others; None for the only one.
     """
 

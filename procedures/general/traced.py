@@ -28,6 +28,7 @@ from procedures.general.trace import FoundTableEffect, TableTrace
 from procedures.general.trace.estimate import of_constants
 from procedures.table import Table
 
+KNOWN = "intervals take this as known, and no other state is in them"
 HALF_WAY = "half-way between both directions"
 _NAME = re.compile(r"[^\W\d]\w*")
 
@@ -88,7 +89,7 @@ def with_effects(
     Args:
         asked: the run.
         traced: its trace.
-        covered: whether intervals will cover the other causes.
+        covered: whether intervals will cover the other causes, and the error of what is taken off.
         only: effects, each with the cause in whose place it stands, itself or one that the data cannot separate from
             it; all effects, as they are, if None.
     """
@@ -110,7 +111,7 @@ def with_effects(
                     continue
                 part = every[name]
             parts[output][effect.effect] = part
-            notes[output].append(_used(name, part, output, asked.table))
+            notes[output].append(_used(name, part, output, asked.table, covered=covered))
     for output in traced.not_traced:
         notes[output] = ["it was not traced: its declared model is not linear in its coefficients"]
     runs = (
@@ -144,12 +145,13 @@ def _run_with(asked: Asked, parts: Mapping[str, Mapping[str, Part]]) -> Asked:
     return replace(asked, table=replace(table, columns=columns)).adding(terms)
 
 
-def _used(name: str, part: Part, output: str, table: Table) -> str:
+def _used(name: str, part: Part, output: str, table: Table, *, covered: bool) -> str:
     if part.holds:
         size = f"{np.max(np.abs(part.off)):.3g} {unit_of(output)}".strip()
+        inside = "intervals are of that state alone" if covered else KNOWN
         return (
             f"{name} was fitted and is left out of the calibration, which holds {part.holds}. In the run "
-            f"{output} was up to {size} away from that: intervals take this as known, and no other state is in them"
+            f"{output} was up to {size} away from that: {inside}"
         )
     told = f"{name} is in the calibration: {', '.join(part.terms)}"
     used = [one for one in recorded(table) if any(one in _NAME.findall(term) for term in part.terms)]

@@ -95,14 +95,14 @@ def _same_readings(traced: Evaluation, mine: Results, chosen: IntArray) -> Float
 
     Each model gives its own outputs back as their points, which hides what an effect does to an inferred value.
     """
-    other = traced.results
+    theirs = traced.evaluate(Shift())
     outputs = {
         sensor: np.array([place[name] for name in names])
         for place in [{name: n for n, name in enumerate(mine.names)}]
         for (sensor, sort), names in _by_sort(mine).items()
         if sort == "output"
     }
-    added = {sensor: mine.values[at] - other.values[chosen[at]] for sensor, at in outputs.items()}
+    added = {sensor: mine.values[at] - theirs[chosen[at]] for sensor, at in outputs.items()}
 
     def in_use(column: str, readings: FloatArray) -> FloatArray:
         found: FloatArray = added.get(column, np.zeros_like(readings))
