@@ -15,7 +15,7 @@ they have, then as written. A category loses its first level wherever the model 
 Arithmetic, inside I() and functions and in the columns of a laboratory's own effects, has numbers, names, parentheses,
 the functions of one value `log exp sqrt abs sign sin cos` (rad) and of two `min max`, and from loosest to tightest
 `< <= > >= == !=` (1 where it holds, else 0; they do not follow each other), `+ -`, `* /`, a sign, `^` (from the right).
-Everywhere `**` is `^`. docs/formulas.md has all of it with examples.
+Everywhere `**` is `^`. docs/reference/formulas.md has all of it with examples.
 """
 
 from __future__ import annotations

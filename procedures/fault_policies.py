@@ -92,7 +92,7 @@ def step_at(plan: tuple[Step, ...], failure: int) -> tuple[str, int]:
 
 
 class FaultSettings(Strict):
-    """Policies for faults: steps for each class of fault; see docs/policies.md."""
+    """Policies for faults: steps for each class of fault; see docs/how_to/policies.md."""
 
     retries: Times = Field(2, description='how often "retry" without a number, and before a policy of one word')
     pause_s: float = Field(2.0, ge=0, le=3600, description="before an instrument that failed is tried again")
@@ -163,7 +163,7 @@ class FaultSettings(Strict):
 
 
 class HeadFaults(FaultSettings):
-    """Policies for faults: steps for each class of fault; see docs/policies.md."""
+    """Policies for faults: steps for each class of fault; see docs/how_to/policies.md."""
 
     drive_fault: Policy = Field(
         [RE_HOME, ABORT], description="a drive complains or went off; clearing it is part of every step"

@@ -1,7 +1,7 @@
 """A kind of calibration: all its specific code behind one class, used by the common code.
 
 A kind is a folder (here, or a third party's) and an entry point of the group `rig.kinds` that names an instance of a
-class made of `Kind` (docs/kinds.md):
+class made of `Kind` (docs/how_to/kinds.md):
 
     [project.entry-points."rig.kinds"]
     pitch-roll = "procedures.attitude.kind:KIND"

@@ -1,7 +1,7 @@
 """The controller: benches, the sequencer, the run file, recovery, the closed loop, the command line.
 
-`import rig` is also the Python interface (docs/python.md): names in `__all__` are public, and loaded at their first
-use.
+`import rig` is also the Python interface (docs/how_to/python.md): names in `__all__` are public, and loaded at their
+first use.
 """
 
 TYPE_CHECKING = False  # as in `typing`, which `rig --help` need not load

@@ -34,7 +34,7 @@ ADDRESSES = (
     "`rfc2217://HOST:4001`, `visa://GPIB0::9::INSTR`; Modbus, `modbus-tcp://HOST:502/UNIT`, "
     "`modbus-rtu:///dev/ttyUSB0/UNIT?baud=9600&frame=8N1`, `modbus-rtu://socket://HOST:4001/UNIT`; CAN, "
     "`can:socketcan/can0`, `can:slcan//dev/ttyACM0?bitrate=500000`, `can:virtual/NAME`; only a person has none "
-    "([instruments.md](instruments.md))"
+    "([instruments](instruments.md))"
 )
 
 
@@ -160,7 +160,7 @@ class BenchConfig(_Strict):
     simulated: bool = False
     equipment: str = Field(
         "",
-        description="register of the laboratory's equipment ([register.md](register.md)), a file beside this one; "
+        description="[register of equipment](../how_to/register.md), a file beside this one; "
         "without it `equipment.toml`, if there is one",
     )
     instruments: dict[Name, InstrumentConfig] = Field(min_length=1)

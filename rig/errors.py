@@ -11,7 +11,7 @@ from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """Exit code of the command line; `docs/exit-codes.md` explains each."""
+    """Exit code of the command line; `docs/reference/exit_codes.md` explains each."""
 
     DONE = 0
     FAULT = 1

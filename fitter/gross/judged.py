@@ -19,7 +19,8 @@ ONE = 0.8
 """Share of the level for tables with one gross error; the rest is for those with more."""
 ALIKE, SHARE = 0.5, 0.25
 """Logarithm by which sets of one row more are fewer than their number, since sets with most rows in common are no
-separate chances; maximum share of rows in a set. Measured, with the search of clean tables: docs/gross_errors.md.
+separate chances; maximum share of rows in a set. Measured, with the search of clean tables:
+docs/explanation/gross_errors.md.
 """
 GOOD = 0.01
 """Probability of a reading's deviation from which it is taken back before the others are judged."""

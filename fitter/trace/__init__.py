@@ -1,1 +1,1 @@
-"""From a residual to the effect behind it: common parts of the traces of all kinds. Method: docs/method/trace.md."""
+"""From a residual to the effect behind it: parts that all kinds share. Method: docs/explanation/trace.md."""

@@ -20,7 +20,9 @@ class FitOptions(Options):
     whole_plot: str | None = Field(None, description="column(s, comma between) of whole plots")
     replicate: str | None = Field(None, description="column of replications that hold whole plots")
     model: str | None = Field(
-        None, description="a standard model in place of a formula, such as callendar-van-dusen (docs/table_models.md)"
+        None,
+        description="a standard model in place of a formula, such as callendar-van-dusen "
+        "(docs/reference/table_models.md)",
     )
     abscissa: str | None = Field(None, description="column that --model, or --u-x, is about")
     start: list[str] | None = Field(

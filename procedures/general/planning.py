@@ -165,7 +165,7 @@ def _why_not(procedure: GeneralProcedure, sensor: str, run_list: RunList) -> str
     if formula is None:
         return (
             "its model is not linear in its coefficients, so their errors depend on their values; expect.output and "
-            "a register of equipment give total uncertainties (docs/register.md)"
+            "a register of equipment give total uncertainties (docs/how_to/register.md)"
         )
     read = [name for name in formula.names if name not in {factor.name for factor in run_list.factors}]
     if not read:

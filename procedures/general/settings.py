@@ -1,7 +1,7 @@
 """The general procedure: `procedure.toml` with `kind = "general"`, checked and expanded to a run list.
 
 Any number of factors, easy or hard to change, any sensors, any formula. It is also the reference of the file format:
-`docs/files.md` is generated from it.
+`docs/reference/files.md` is generated from it.
 """
 
 from __future__ import annotations
@@ -52,12 +52,14 @@ class SensorModel(Strict):
     """The declared model of a sensor: a formula, or a standard model."""
 
     formula: str | None = Field(
-        None, min_length=1, description="terms in the factors, such as `1 + force_kN + force_kN^2` (docs/formulas.md)"
+        None,
+        min_length=1,
+        description="terms in the factors, such as `1 + force_kN + force_kN^2` (docs/reference/formulas.md)",
     )
     standard: str | None = Field(
         None,
         min_length=1,
-        description="instead: a standard model by name, such as callendar-van-dusen (docs/table_models.md)",
+        description="instead: a standard model by name, such as callendar-van-dusen (docs/reference/table_models.md)",
     )
     abscissa: str | None = Field(
         None, description="the factor that it is about, if there are several: budgets infer it, at the others' values"
@@ -172,7 +174,7 @@ class GeneralAcceptance(Acceptance):
 
 
 class GeneralFaults(FaultSettings):
-    """Policies for faults: steps for each class of fault; see docs/policies.md."""
+    """Policies for faults: steps for each class of fault; see docs/how_to/policies.md."""
 
     supply_failure: Policy = Field(["retry 8", ABORT], description="a source or pressure controller reports a fault")
     drive_fault: Policy = Field([RE_HOME, ABORT], description="a drive of a head complains or went off")

@@ -42,7 +42,7 @@ class WholePlotConfirming(Confirming):
     counts = 1, 2, 3, 4, 5, 6, 8, 10, 13, 16
     caution = (
         "of the standard errors between two explanations of whole plots about two thirds came in simulated worlds "
-        "(half of them 0.5 to 0.9, docs/confirm.md): count on that much"
+        "(half of them 0.5 to 0.9, docs/how_to/confirm.md): count on that much"
     )
 
     def own_words(self, *, realigned: bool) -> str:

@@ -2,7 +2,7 @@
 
 Temperatures are hard to change and constant in a whole plot; pressures are randomised inside it. The default design is
 that of the MEADS pressure transducers (McCollum, Commo and Parker, section II.B): 20 whole plots of 11 pressures. It is
-also the reference of the file format: `docs/files.md` is generated from it.
+also the reference of the file format: `docs/reference/files.md` is generated from it.
 """
 
 from __future__ import annotations
@@ -229,7 +229,7 @@ def square_of_pressure(given: Mapping[str, float]) -> tuple[float, ...]:
 
 
 class WholePlotFaults(FaultSettings):
-    """Policies for faults: steps for each class of fault; see docs/policies.md."""
+    """Policies for faults: steps for each class of fault; see docs/how_to/policies.md."""
 
     supply_failure: Policy = Field(["retry 8", ABORT], description="the pressure controller lost its supply or vacuum")
     soak: Policy = Field(ABORT, description="a soak that does not settle")

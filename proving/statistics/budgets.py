@@ -167,4 +167,4 @@ def _covering(results: Results) -> Figures:
 
 
 PARTS = {"engine": Part(engine, 200), "simulated": Part(simulated, 200), "coverage": Part(coverage, 500)}
-"""`python -m proving.statistics budgets engine`; docs/uncertainty.md."""
+"""`python -m proving.statistics budgets engine`; docs/explanation/uncertainty.md."""

@@ -33,7 +33,7 @@ def status(
     ),
     as_json: JsonOption = False,
     check: Annotated[
-        bool, typer.Option("--check", help="use the exit code for the state: see docs/exit-codes.md")
+        bool, typer.Option("--check", help="use the exit code for the state: see docs/reference/exit_codes.md")
     ] = False,
 ) -> int:
     """Show the state of a run, running or not; for a folder, its runs, newest first.

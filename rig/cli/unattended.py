@@ -152,7 +152,7 @@ def _add_notifier(listeners: Listeners, asked: Listening, warn: Callable[[str], 
     path = find_settings(asked.notify_file)
     if path is None:
         if asked.notify:
-            raise ConfigurationError("--notify: there is no notify.toml; docs/unattended.md shows one")
+            raise ConfigurationError("--notify: there is no notify.toml; docs/how_to/unattended.md shows one")
         return
     from rig.unattended.notify.channels import senders  # noqa: PLC0415 - mail and web take a while
     from rig.unattended.notify.notifier import Notifier  # noqa: PLC0415 - mail and web take a while

@@ -106,7 +106,7 @@ def checked_table(path: Path, said: Said, equipment: Path | None, folder: Path) 
         ]
         said = replace(said, given_by=known)
     else:
-        reasons.append(f"{path} has no register of equipment: name one with --equipment FILE (docs/register.md)")
+        reasons.append(f"{path} has no register of equipment: name one with --equipment FILE (docs/how_to/register.md)")
     return checked_with(table, _bench(table, said), register, (), str(given), reasons)
 
 

@@ -1,6 +1,6 @@
 """The sequencer's states and triggers: one flat table, the only definition of permitted transitions.
 
-`docs/sequencer.md` is generated from it (`python -m rig.engine.states`).
+`docs/reference/sequencer.md` is generated from it (`python -m rig.engine.states`).
 """
 
 from __future__ import annotations
@@ -162,12 +162,13 @@ def diagram() -> str:
 
 
 def document() -> str:
-    """`docs/sequencer.md`."""
+    """`docs/reference/sequencer.md`."""
     states = "\n".join(f"| {state} | {meaning} |" for state, meaning in MEANING.items())
     triggers = "\n".join(f"| {t.trigger} | {', '.join(t.sources)} | {t.target} | {t.when} |" for t in TRANSITIONS)
     return f"""# The sequencer
 
-Generated from `rig/engine/states.py` by `python -m rig.engine.states > docs/sequencer.md`; a test fails if it is stale.
+Generated from `rig/engine/states.py` by `python -m rig.engine.states > docs/reference/sequencer.md`; a test fails if it
+is stale.
 
 | state | meaning |
 | --- | --- |

@@ -1,6 +1,6 @@
 """The register of equipment: what a laboratory knows of its instruments, standards and place, with uncertainties.
 
-`equipment.toml` (docs/register.md) is referred to from the bench file by asset number, and kept in the run file.
+`equipment.toml` (docs/how_to/register.md) is referred to from the bench file by asset number, and kept in the run file.
 """
 
 from rig.register.check import absent, check_register, check_validity, entries

@@ -50,5 +50,7 @@ def register_of(documents: Mapping[str, str], given: Path | None = None, *, run:
     if given is not None:
         return read_register(given)
     if DOCUMENT not in documents:
-        raise UsageError(f"{run} has no register of equipment: name one with --equipment FILE (docs/register.md)")
+        raise UsageError(
+            f"{run} has no register of equipment: name one with --equipment FILE (docs/how_to/register.md)"
+        )
     return parse_register(documents[DOCUMENT], f"{run} ({DOCUMENT})", strict=False)

@@ -1,1 +1,1 @@
-"""Results of commands: printed lines, JSON, and the same in Python (`import rig`, docs/python.md)."""
+"""Results of commands: printed lines, JSON, and the same in Python (`import rig`, docs/how_to/python.md)."""

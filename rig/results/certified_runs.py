@@ -89,7 +89,7 @@ def _read_table(
     if own is None:
         reasons.append(
             f"{path} is no run file, and {given} has no [table]: it says when the table was measured, its models, and "
-            "what gives its columns (docs/certificate.md)"
+            "what gives its columns (docs/how_to/certificate.md)"
         )
         return None
     if path == asked.runs[-1]:

@@ -78,7 +78,7 @@ def promised(plan: Plan, on: date) -> Promised:
         ConfigurationError: a certificate does not cover the settings of the plan, or does not hold at them.
     """
     if DOCUMENT not in plan.documents:
-        return Promised((), ("repeatability only: the bench has no register of equipment (docs/register.md)",))
+        return Promised((), ("repeatability only: the bench has no register of equipment (docs/how_to/register.md)",))
     if len(plan.run_list) > _MOST:
         return Promised((), (f"repeatability only: no total uncertainty is forecast of more than {_MOST} points",))
     register = parse_register(plan.documents[DOCUMENT], DOCUMENT)

@@ -133,7 +133,7 @@ def registered(source: FileSource, equipment: Path | None) -> Registered:
     with RunReader.open(source.path) as reader:
         has_one = DOCUMENT in reader.documents()
     if not has_one:
-        return Registered(None, "the run has no register of equipment (docs/register.md)")
+        return Registered(None, "the run has no register of equipment (docs/how_to/register.md)")
     try:
         return Registered(run_with_register(source.path), "")
     except ConfigurationError as error:

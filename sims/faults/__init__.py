@@ -1,4 +1,4 @@
-"""Faults of a simulated bench: the [[faults]] of a world file (docs/faults.md)."""
+"""Faults of a simulated bench: the [[faults]] of a world file (docs/reference/faults.md)."""
 
 from sims.faults.fault import Fault, Kind, Option, Striking
 from sims.faults.faulty_wire import FaultyWire

@@ -1,7 +1,7 @@
 """World files (`world.toml`): the truth behind a simulated bench.
 
-The fit and the trace never read it. Every key carries its unit; docs/worlds.md explains each. The default world has
-ideal effects, ordinary sensors and an ordinary day.
+The fit and the trace never read it. Every key carries its unit; docs/reference/worlds.md explains each. The default
+world has ideal effects, ordinary sensors and an ordinary day.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Budgets that others printed: GUM, EA-4/02, Eurachem/CITAC.
 
 Inputs and results are numbers of these documents. Where a printed result comes from rounded intermediate values, the
-test says so, and docs/uncertainty.md too. Numbers of EA-4/02 are from memory where the comment says so: the text was
-not at hand.
+test says so, and docs/explanation/uncertainty.md too. Numbers of EA-4/02 are from memory where the comment says so:
+the text was not at hand.
 """
 
 from __future__ import annotations

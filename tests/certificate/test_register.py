@@ -16,7 +16,7 @@ from rig.register.schema import Certificate, Constant, Equipment, Laboratory, Re
 from rig.register.units import factor
 
 ROOT = Path(__file__).parents[2]
-GOOD = re.findall(r"```toml register\n(.*?)```", (ROOT / "docs" / "register.md").read_text(), re.DOTALL)[0]
+GOOD = re.findall(r"```toml register\n(.*?)```", (ROOT / "docs" / "how_to" / "register.md").read_text(), re.DOTALL)[0]
 BENCH = """
 name = "b"
 [instruments.dvm]
@@ -88,7 +88,7 @@ def test_percent_of_a_quantity_in_percent_is_refused_unless_it_is_a_gain():
 
 @pytest.mark.parametrize("model", [Register, Laboratory, SensorItem, Constant, Equipment, Certificate, Statement])
 def test_every_key_of_the_register_is_in_its_document(model):
-    document = (ROOT / "docs" / "register.md").read_text()
+    document = (ROOT / "docs" / "how_to" / "register.md").read_text()
     assert [name for name in model.model_fields if not re.search(rf"(?<![a-z_]){name}(?![a-z_])", document)] == []
 
 

@@ -426,8 +426,8 @@ def test_the_examples_of_the_document_run(tmp_path, monkeypatch, table, few_draw
     (tmp_path / "readings.csv").write_text("x_V,y_V,z_V\n-2.485,4.308,0.016\n0.1,0,-5.05\n")
     monkeypatch.chdir(tmp_path)
     flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-    text = (ROOT / "docs" / "python.md").read_text().replace("```", "")
-    examples = doctest.DocTestParser().get_doctest(text, {}, "python.md", "docs/python.md", 0)
+    text = (ROOT / "docs" / "how_to" / "python.md").read_text().replace("```", "")
+    examples = doctest.DocTestParser().get_doctest(text, {}, "python.md", "docs/how_to/python.md", 0)
     assert len(examples.examples) >= 20
     told: list[str] = []
     doctest.DocTestRunner(optionflags=flags).run(examples, out=told.append)
@@ -435,7 +435,7 @@ def test_the_examples_of_the_document_run(tmp_path, monkeypatch, table, few_draw
 
 
 def test_the_document_names_all_that_is_public():
-    text = (ROOT / "docs" / "python.md").read_text()
+    text = (ROOT / "docs" / "how_to" / "python.md").read_text()
     assert [
         name for name in rig.__all__ if not re.search(rf"\b{name}\b", text) and name not in ("Plots", "Result")
     ] == []

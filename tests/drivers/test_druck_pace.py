@@ -869,7 +869,7 @@ def test_options_are_checked(options):
 
 
 def test_options_are_documented():
-    text = (Path(__file__).parents[2] / "docs" / "instruments.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "reference" / "instruments.md").read_text(encoding="utf-8")
     for name, field in DruckPACE.Options.model_fields.items():
         assert f"| `{name}` | `{json.dumps(field.default)}` | {field.description} |" in text
 

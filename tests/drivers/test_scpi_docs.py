@@ -1,4 +1,4 @@
-"""docs/scpi.md: its options, its three instruments in dry runs, its commands."""
+"""docs/how_to/scpi.md: its options, its three instruments in dry runs, its commands."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rig.config import parse_bench
 from rig.simulated.dry_run import DryBench
 from sims.serve import toml
 
-TEXT = (Path(__file__).parents[2] / "docs" / "scpi.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs" / "how_to" / "scpi.md").read_text(encoding="utf-8")
 
 
 def block(name: str) -> str:

@@ -1,4 +1,4 @@
-"""docs/instruments.md lists every option of every serial driver with its default, and the commands they send."""
+"""docs/reference/instruments.md lists every option of every serial driver with its default."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drivers.keysight_34401a import Keysight34401A
 from drivers.keysight_34970a import Keysight34970A
 from drivers.newport_esp301 import NewportESP301
 
-TEXT = (Path(__file__).parents[2] / "docs" / "instruments.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs" / "reference" / "instruments.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("driver", [NewportESP301, Keysight34401A, Keysight34970A])

@@ -23,7 +23,7 @@ from proving.statistics.fractions import PADS, table_of
 from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate
 from rig.tables import write_csv
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "fractions.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "how_to" / "fractions.md"
 CLEAN = Bench()
 
 

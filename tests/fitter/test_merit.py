@@ -377,7 +377,7 @@ def test_what_is_no_design_or_usage(make, message):
 
 # --- the document ------------------------------------------------------------------------------------------------
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "designs.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "how_to" / "designs.md"
 PITCH = {"3 top": FIG_3_TOP, "3 bottom": FIG_3_BOTTOM, "4": [*[-30] * 16, 0, *[30] * 16]}
 
 

@@ -26,7 +26,7 @@ from scipy.optimize import brentq
 from fitter.designs import Factor, evaluate, optimal, optimal_measure
 from fitter.errors import FitError
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "optimal_designs.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "how_to" / "optimal_designs.md"
 SQUARE, CUBE = [LEVELS] * 2, [LEVELS] * 3
 
 

@@ -102,7 +102,7 @@ def test_certificates_cover_95_percent_on_both_sides_of_where_limits_dominate():
 
 @pytest.mark.parametrize(("df", "by_student", "by_shape"), [(8.0, "95.4", "94.3"), (5.0, "95.2", "93.9")])
 def test_coverage_where_the_rule_begins_beside_few_degrees_of_freedom(df, by_student, by_shape):
-    """A rectangle, and as large a normal error whose size is known from a sample: docs/uncertainty.md."""
+    """A rectangle, and as large a normal error whose size is known from a sample: docs/explanation/uncertainty.md."""
     parts = (np.arange(400) + 0.5) / 400.0
     known = special.chdtri(df, 1.0 - parts) / df  # variance as the sample has it: its quantiles
     limit = sqrt(3.0) * (2.0 * parts - 1.0)[:, None]

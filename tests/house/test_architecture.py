@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-TEXT = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+TEXT = (ROOT / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8")
 PLAN = runpy.run_path(str(ROOT / "tools" / "floor_plan"))
 
 
@@ -32,7 +32,7 @@ def test_arrows_that_follow_from_others_are_left_out():
     assert PLAN["fewest"]({("a", "b"), ("b", "c"), ("a", "c")}) == {("a", "b"), ("b", "c")}
 
 
-@pytest.mark.parametrize(("document", "least"), [("docs/architecture.md", 80), ("CONTRIBUTING.md", 8)])
+@pytest.mark.parametrize(("document", "least"), [("docs/explanation/architecture.md", 80), ("CONTRIBUTING.md", 8)])
 def test_every_file_it_names_exists(document, least):
     text = (ROOT / document).read_text(encoding="utf-8")
     named = [name for name in re.findall(r"`([\w./-]+)`", text) if "/" in name and "KIND" not in name]

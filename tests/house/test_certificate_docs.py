@@ -1,4 +1,4 @@
-"""What docs/certificate.md shows works as it stands, in a copy of the example laboratory."""
+"""What docs/how_to/certificate.md shows works as it stands, in a copy of the example laboratory."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rig.certificate.settings import CertificateSettings, read_settings
 from rig.examples import example
 
 pytest.importorskip("typst")
-DOCUMENT = (Path(__file__).parents[2] / "docs" / "certificate.md").read_text(encoding="utf-8")
+DOCUMENT = (Path(__file__).parents[2] / "docs" / "how_to" / "certificate.md").read_text(encoding="utf-8")
 COMMANDS = re.findall(r"```sh\n(.*?)```", DOCUMENT, re.DOTALL)[0].strip().splitlines()
 
 

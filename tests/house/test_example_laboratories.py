@@ -1,4 +1,4 @@
-"""docs/example_laboratories.md: its files are those of the examples, and its commands say what it says."""
+"""docs/tutorials/example_laboratories.md: its files are those of the examples, and its commands say what it says."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from proving.statistics.laboratories import HIDDEN, affected, names
 from rig.cli.demo import _NIGHTS, Lab
 from rig.examples import example
 
-DOCUMENT = (Path(__file__).parents[2] / "docs" / "example_laboratories.md").read_text(encoding="utf-8")
+DOCUMENT = (Path(__file__).parents[2] / "docs" / "tutorials" / "example_laboratories.md").read_text(encoding="utf-8")
 BLOCKS = {name: text for _, name, text in re.findall(r"```(\w+) (\S+)\n(.*?)```", DOCUMENT, re.DOTALL)}
 LABS = ("bath-lab", "voltmeter-lab")
 

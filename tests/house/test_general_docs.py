@@ -1,4 +1,4 @@
-"""What docs/general.md shows is in the example and works as it stands."""
+"""What docs/how_to/general.md shows is in the example and works as it stands."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from command import rig
 
 from rig.examples import example
 
-DOCUMENT = (Path(__file__).parents[2] / "docs" / "general.md").read_text(encoding="utf-8")
+DOCUMENT = (Path(__file__).parents[2] / "docs" / "how_to" / "general.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", DOCUMENT, re.DOTALL)
 FILES = [text for language, text in BLOCKS if language == "toml" and not text.startswith("[design]")]
 COMMANDS = next(text for language, text in BLOCKS if language == "sh").strip().splitlines()

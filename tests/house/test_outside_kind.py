@@ -23,7 +23,7 @@ from rig.run_file.documents import declared_model
 from rig.run_file.reader import RunReader
 
 TILT = outside_package.SOURCE / "acme_rig" / "tilt"
-DOCUMENT = (outside_package.SOURCE.parent.parent / "docs" / "kinds.md").read_text(encoding="utf-8")
+DOCUMENT = (outside_package.SOURCE.parent.parent / "docs" / "how_to" / "kinds.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"(?:`([\w./]+)`:\n\n)?```(\w+)\n(.*?)```\n", DOCUMENT, re.DOTALL)
 """File that a block of code is said to be of, its language, and the code."""
 (PROCEDURE,) = (text for _, language, text in BLOCKS if language == "toml" and text.startswith("kind = "))
@@ -111,7 +111,7 @@ def test_the_document_shows_the_code_as_it_is():
     shown = [(file, text) for file, language, text in BLOCKS if language in ("python", "jinja")]
     assert len(shown) >= 8
     for file, text in shown:
-        code, stale = (TILT / file).read_text(), f"{file} is no longer as docs/kinds.md has it: {text}"
+        code, stale = (TILT / file).read_text(), f"{file} is no longer as docs/how_to/kinds.md has it: {text}"
         if file.endswith(".py"):  # by what it says: in a document it may be indented and wrapped otherwise
             known = {ast.dump(node) for node in ast.walk(ast.parse(code))}
             assert {ast.dump(node) for node in ast.parse(dedent(text)).body} <= known, stale

@@ -1,4 +1,4 @@
-"""docs/own_bench.md: what it shows is in the files of examples/flow-lab, and its commands give what it says."""
+"""docs/tutorials/own_bench.md: its files are those of examples/flow-lab, and its commands give what it says."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from command import rig
 
-PAGE = Path(__file__).parents[2] / "docs" / "own_bench.md"
+PAGE = Path(__file__).parents[2] / "docs" / "tutorials" / "own_bench.md"
 LAB = Path(__file__).parents[2] / "examples" / "flow-lab"
 
 
@@ -23,7 +23,7 @@ def test_every_part_of_a_file_that_it_shows_is_in_the_example():
 
 def test_a_new_user_reads_few_words():
     """README and this page are all that has to be read before the first certificate of a dry run."""
-    words = sum(len(path.read_text().split()) for path in (PAGE, PAGE.parents[1] / "README.md"))
+    words = sum(len(path.read_text().split()) for path in (PAGE, PAGE.parents[2] / "README.md"))
     assert words < 2500
 
 

@@ -1,4 +1,4 @@
-"""What docs/uncertainty.md shows is what happens."""
+"""What docs/explanation/uncertainty.md shows is what happens."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import fitter.decision
 from fitter.decision import SharedRisk
 
-DOCUMENT = (Path(__file__).parents[2] / "docs" / "uncertainty.md").read_text(encoding="utf-8")
+DOCUMENT = (Path(__file__).parents[2] / "docs" / "explanation" / "uncertainty.md").read_text(encoding="utf-8")
 
 
 def block(language: str) -> str:

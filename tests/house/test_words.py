@@ -51,8 +51,7 @@ def documents() -> list[Path]:
     return [
         ROOT / "README.md",
         ROOT / "CONTRIBUTING.md",
-        *sorted((ROOT / "docs").glob("*.md")),
-        *(ROOT / "docs" / "method").glob("*.md"),
+        *(path for path in sorted((ROOT / "docs").rglob("*.md")) if path.parent.name != "decisions"),
     ]
 
 

@@ -266,7 +266,7 @@ def test_command_prints_what_the_document_shows(runs, tmp_path):
     shown = rig(*runs, *options, "--report", report)
     assert shown.returncode == 0, shown.stderr
     assert "SIMULATED: no real instrument" in report.read_text()
-    document = (Path(__file__).parents[2] / "docs" / "control_charts.md").read_text()
+    document = (Path(__file__).parents[2] / "docs" / "how_to" / "control_charts.md").read_text()
     example = document.split("```text\n")[1].split("```")[0]
     assert _lines(shown.stdout) == _lines(example)
 

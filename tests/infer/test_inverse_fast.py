@@ -21,7 +21,7 @@ from procedures.attitude.infer.three_axis import CHUNK
 from proving.truth.attitude import D1, Bench, simulate
 
 NAMES = PACKAGES["xyz"]
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "inference.md"
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "how_to" / "inference.md"
 
 
 def apart(a, b):

@@ -1,6 +1,6 @@
 """A share of the campaign of laboratories whose instruments err as certificates say: do expanded uncertainties hold?
 
-In full: docs/budgets.md. These few show a contribution that is missing, twice as large or half as large.
+In full: docs/how_to/budgets.md. These few show a contribution that is missing, twice as large or half as large.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ def run_file(finished, tmp_path) -> Path:
 
 @pytest.fixture(scope="module")
 def keys(tmp_path_factory) -> Path:
-    """Keys made by another program, as docs/verify.md has it."""
+    """Keys made by another program, as docs/how_to/verify.md has it."""
     folder = tmp_path_factory.mktemp("keys")
     for name in ("lab", "other"):
         command("genpkey", "-algorithm", "ed25519", "-out", f"{name}.pem", cwd=folder)

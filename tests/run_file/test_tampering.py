@@ -277,7 +277,7 @@ def test_a_clumsy_forgery_of_whole_plots_makes_no_sense(pressure, tmp_path, what
 def test_a_forgery_that_is_consistent_shows_against_a_head_and_nowhere_else(attitude, tmp_path):
     noted = verify_file(attitude).head
     forged = forge(attitude, tmp_path / "forged.sqlite", _outputs)
-    assert rig("verify", forged).returncode == 0  # docs/verify.md says so
+    assert rig("verify", forged).returncode == 0  # docs/how_to/verify.md says so
     done = rig("verify", forged, "--head", noted)
     assert done.returncode == 1
     assert "no record has the hash" in done.stdout

@@ -409,13 +409,13 @@ def test_every_entry_goes_back_into_a_world_file_as_it_was():
 
 
 def test_the_page_lists_every_kind_with_its_options():
-    text = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
     for row in rows():
-        assert row in text, f"docs/faults.md lacks: {row}"
+        assert row in text, f"docs/reference/faults.md lacks: {row}"
 
 
 def rows() -> list[str]:
-    """The table of docs/faults.md."""
+    """The table of docs/reference/faults.md."""
     found = []
     twins = {point.name: twin_class(point.name) for point in entry_points(group="rig.twins")}
     for kind in COMMON:

@@ -14,7 +14,7 @@ from sims.physics.truth import SENSORS, SensorTruth
 from sims.physics.undeclared import Effects, HeadError
 
 AXES = {"x": "x", "y": "y", "aoa2": "x"}
-DOCS = Path(__file__).parents[2] / "docs" / "worlds.md"
+DOCS = Path(__file__).parents[2] / "docs" / "reference" / "worlds.md"
 
 
 def test_nothing_said_is_a_world_without_surprises() -> None:
@@ -123,7 +123,7 @@ def test_the_world_of_a_bench_of_any_kind_begins_when_its_file_says() -> None:
 
 
 def test_the_example_of_the_pressure_bench_is_a_valid_world_of_it() -> None:
-    example = DOCS.parents[1] / "examples" / "pressure-lab"
+    example = DOCS.parents[2] / "examples" / "pressure-lab"
     bench, world = (tomllib.loads((example / name).read_text("utf-8")) for name in ("bench.toml", "world.toml"))
     truth = read_truth(world, sensor_axes(bench))
     assert set(truth.sensors) == set(bench["sensors"])
@@ -132,7 +132,7 @@ def test_the_example_of_the_pressure_bench_is_a_valid_world_of_it() -> None:
 
 
 def test_what_the_example_offers_to_try_is_valid() -> None:
-    example = DOCS.parents[1] / "examples" / "pressure-lab"
+    example = DOCS.parents[2] / "examples" / "pressure-lab"
     bench, world = ((example / name).read_text("utf-8") for name in ("bench.toml", "world.toml"))
     offered = world.split("# More to try")[1].splitlines()[1:]
     read_truth(tomllib.loads("\n".join(line.removeprefix("# ") for line in offered)), sensor_axes(tomllib.loads(bench)))

@@ -100,8 +100,8 @@ def without_objects(eds: str, *indices: int) -> str:
 
 
 def assert_documented(driver: Any) -> None:
-    """docs/instruments.md lists every option of a driver with its default and meaning."""
-    text = (CONTRACTS.parent / "docs" / "instruments.md").read_text(encoding="utf-8")
+    """docs/reference/instruments.md lists every option of a driver with its default and meaning."""
+    text = (CONTRACTS.parent / "docs" / "reference" / "instruments.md").read_text(encoding="utf-8")
     supplied = {one.option for one in driver.contracts}
     for name, option in driver.Options.model_fields.items():
         required = "the supplied one" if name in supplied else "required"

@@ -1,4 +1,4 @@
-"""docs/table_models.md: its commands are run on its tables, and print what it says; its list of models is complete."""
+"""docs/reference/table_models.md: its commands print what it says; its list of models is complete."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from procedures.general.models import standard_models
 from procedures.general.series import Series
 from rig.tables import FileSource
 
-PAGE = (Path(__file__).parents[2] / "docs" / "table_models.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "table_models.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(csv|sh|text)(?: (\S+))?\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 

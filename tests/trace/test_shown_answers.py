@@ -11,7 +11,7 @@ from command import rig
 from rig.cli.demo import _NIGHTS, Lab
 from rig.examples import example
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "how_to"
 
 
 def shown(page: str) -> str:

@@ -404,7 +404,7 @@ def test_a_wrong_file_is_refused_with_what_is_wrong(tmp_path, text, says):
 
 
 def test_the_example_in_the_docs_is_a_file_that_works(tmp_path):
-    document = (Path(__file__).parents[2] / "docs" / "unattended.md").read_text()
+    document = (Path(__file__).parents[2] / "docs" / "how_to" / "unattended.md").read_text()
     path = tmp_path / "notify.toml"
     path.write_text(document.partition("```toml\n")[2].partition("```")[0])
     settings = read_settings(path)

@@ -468,7 +468,7 @@ def test_a_sample_is_bounded_the_same_for_every_server_and_has_the_last():
 
 
 def test_a_long_run_is_read_once_and_shown_in_little(tmp_path):
-    many = 25_000  # more than one batch; docs/watch.md has the figures of 100,000
+    many = 25_000  # more than one batch; docs/how_to/watch.md has the figures of 100,000
     path = small_run(tmp_path, points=many)
     with RunWriter.open(path) as run:
         run._db.execute(

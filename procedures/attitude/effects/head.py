@@ -33,7 +33,7 @@ _LEVEL = "put a spirit level on the base of the head, and read its zero against 
 _DEGREE = np.radians(1.0)
 
 ONE_DEGREE = Largest(1.0, "1 deg")
-"""Heads and gears that are worth a calibration are hundreds of times better: docs/method/effects.md."""
+"""Heads and gears that are worth a calibration are hundreds of times better: docs/reference/effects.md."""
 
 Error = Callable[[Scene], FloatArray]
 

@@ -1,4 +1,4 @@
-"""From the residual of an attitude sensor to the physical effect behind it. Method: docs/method/trace.md."""
+"""From the residual of an attitude sensor to the physical effect behind it. Method: docs/explanation/trace.md."""
 
 from procedures.attitude.trace.result import FoundEffect, SensorTrace, Trace
 from procedures.attitude.trace.run import trace

@@ -1,4 +1,4 @@
-"""From a residual to the effect behind it, for tables of any kind: docs/method/trace_tables.md."""
+"""From a residual to the effect behind it, for tables of any kind: docs/explanation/trace_tables.md."""
 
 from procedures.general.trace.report import trace_general
 from procedures.general.trace.result import FoundTableEffect, TableTrace

@@ -46,7 +46,7 @@ CONSTANT = 0.99
 
 
 def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
-    """Find effects missing in the declared model of a table. Method: docs/method/trace_tables.md.
+    """Find effects missing in the declared model of a table. Method: docs/explanation/trace_tables.md.
 
     Args:
         data: the table.

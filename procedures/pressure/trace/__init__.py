@@ -1,4 +1,4 @@
-"""From the residual of a pressure transducer to the physical effect behind it. Method: docs/method/trace.md."""
+"""From the residual of a pressure transducer to the physical effect behind it. Method: docs/explanation/trace.md."""
 
 from procedures.pressure.trace.result import FoundPressureEffect, TransducerTrace, WholePlotTrace
 from procedures.pressure.trace.run import trace_whole_plots

@@ -60,7 +60,7 @@ def _check_device(check: str, device: Path, holders: Mapping[str, str]) -> Findi
     if holder is not None:
         return problem(check, f"{device} is open in {holder}", "end that program before the run")
     if _RAW_NAME.search(str(device)):
-        next_step = f"name it by {_by_id(device)}, or by a udev rule (docs/unattended.md)"
+        next_step = f"name it by {_by_id(device)}, or by a udev rule (docs/how_to/unattended.md)"
         return warning(check, f"{device} exists; its number changes when cables are moved", next_step)
     real = os.path.realpath(device)
     return ok(check, str(device) if real == str(device) else f"{device} -> {real}")
@@ -70,7 +70,7 @@ def _where_else(device: Path) -> str:
     links = sorted(Path("/dev/serial/by-id").glob("*")) if Path("/dev/serial/by-id").is_dir() else []
     ports = [str(p) for p in links] or sorted(str(p) for p in Path("/dev").glob("tty[UA][SC][BM]*"))
     present = f"serial ports present: {', '.join(ports[:6])}" if ports else "no USB serial port is present"
-    rule = "; a udev rule makes the name (docs/unattended.md)" if str(device).startswith("/dev/rig/") else ""
+    rule = "; a udev rule makes the name (docs/how_to/unattended.md)" if str(device).startswith("/dev/rig/") else ""
     return f"switch it on and connect it, or correct the address; {present}{rule}"
 
 
@@ -84,7 +84,7 @@ def _how_to_be_let_in(found: os.stat_result) -> str:
     if _me() in group.gr_mem:
         return f"{_me()} is in group {group.gr_name} since the last login: log out and in again"
     if group.gr_gid == 0:
-        return 'a udev rule with GROUP="dialout", MODE="0660" (docs/unattended.md)'
+        return 'a udev rule with GROUP="dialout", MODE="0660" (docs/how_to/unattended.md)'
     return f"sudo usermod -aG {group.gr_name} {_me()}; then log out and in again"
 
 

@@ -68,7 +68,7 @@ def check_guards(config: BenchConfig) -> Iterator[Finding]:
     names = unasked(config)
     if names:
         words = "no question tells whether somebody has changed its unit, channel or range at the panel"
-        yield warning(", ".join(names), words, "name one in check (docs/scpi.md)")
+        yield warning(", ".join(names), words, "name one in check (docs/how_to/scpi.md)")
 
 
 def ask(
@@ -98,7 +98,7 @@ def ask(
                 found = _identity(name, declared, identity, known.get(name), run_file)
                 yield replace(found, found=f"{found.found}; simulated") if twins else found
                 for said in instrument.remarks() if isinstance(instrument, Remarking) else ():
-                    yield warning(name, said, "check whether this is enough (docs/instruments.md)")
+                    yield warning(name, said, "check whether this is enough (docs/reference/instruments.md)")
     finally:
         for instrument in opened:
             instrument.close()

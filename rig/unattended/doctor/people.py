@@ -25,7 +25,7 @@ def check_people(explicit: Path | None, facts: RunFacts, now_s: float, *, send: 
     """
     path = find_settings(explicit)
     if path is None:
-        yield warning("notifications", "nobody is notified", "write a notify.toml (docs/unattended.md)")
+        yield warning("notifications", "nobody is notified", "write a notify.toml (docs/how_to/unattended.md)")
         return
     try:
         settings = read_settings(path)
@@ -39,7 +39,7 @@ def check_people(explicit: Path | None, facts: RunFacts, now_s: float, *, send: 
         if file.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
             yield warning("notifications: secrets", f"{file} may be read by others", f"chmod 600 {file}")
     if not settings.channel:
-        yield warning("notifications", f"{path} has no [[channel]]", "add one (docs/unattended.md)")
+        yield warning("notifications", f"{path} has no [[channel]]", "add one (docs/how_to/unattended.md)")
     elif sends and not send:
         yield ok("notifications", f"{path}: {', '.join(sends)}; not tried (--notify sends a test message)")
     else:
