@@ -7,7 +7,8 @@ it as text. Positions on the wire are encoder counts.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from operator import eq
 from typing import ClassVar
 
 from drivers.cia402_settings import (
@@ -18,12 +19,14 @@ from drivers.cia402_settings import (
     homed_bit,
     judged_here,
     lacking,
+    meanings_of,
     settings_of,
 )
 from drivers.cia402_words import error_text, state_of
 from drivers.clock import Clock
 from drivers.driver import ContractFile, Medium
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
+from drivers.kept import not_kept
 from drivers.roles import AxisState, Identity
 from drivers.wires import Wires
 from drivers.wires.can_node import CanNode, read_eds
@@ -59,6 +62,7 @@ class _Axis:
         distrusted: whether the zero must be found again, whatever the drive reports.
         target_deg: last target; None if the drive is neither there nor on its way.
         near_since: bench time since which it has been near its target; only if this driver judges it.
+        kept: objects by (index, subindex) that stay as they were prepared.
     """
 
     node: CanNode
@@ -69,10 +73,11 @@ class _Axis:
     distrusted: bool = False
     target_deg: float | None = None
     near_since: float | None = None
+    kept: dict[tuple[int, int], int] = field(default_factory=dict)
 
 
 class CiA402Pair:
-    """The head's two drives; satisfies `drivers.roles.Head` and `Remarking`.
+    """The head's two drives; satisfies `drivers.roles.Head`, `Remarking` and `SelfChecking`.
 
     Args:
         name: the bench's name for it.
@@ -125,23 +130,18 @@ class CiA402Pair:
             profile = axis.node.number(_DEVICE_TYPE) & 0xFFFF
             if profile != _PROFILE:
                 raise WrongInstrument(f"{self._where}: the {name} node follows profile {profile}, not CiA 402")
-            found = self._told(axis, _IDENTITY, _VENDOR), self._told(axis, _IDENTITY, _PRODUCT)
+            found = tuple(self._told(axis, _IDENTITY, subindex) for subindex in (_VENDOR, _PRODUCT))
             described = device.vendor_number, device.product_number
             if any(a and b is not None and a != str(b) for a, b in zip(found, described, strict=True)):
                 told, meant = (" product ".join(_hex(n) for n in pair) for pair in (found, described))
-                raise WrongInstrument(
-                    f"{self._where}: the {name} drive is vendor {told}; the EDS describes vendor {meant}"
-                )
+                words = f"the {name} drive is vendor {told}; the EDS describes vendor {meant}"
+                raise WrongInstrument(f"{self._where}: {words}")
             models.append(self._told(axis, _DEVICE_NAME) or str(device.product_name or "CiA 402 drive"))
             versions.append(self._told(axis, _SOFTWARE))
             serials.append(self._told(axis, _IDENTITY, _SERIAL) or "0")
         serial = "" if all(s == "0" for s in serials) else "+".join(serials)
-        return Identity(
-            str(device.vendor_name or "maker not told"),
-            "+".join(dict.fromkeys(models)),
-            serial,
-            "+".join(dict.fromkeys(versions)),
-        )
+        model, version = ("+".join(dict.fromkeys(told)) for told in (models, versions))
+        return Identity(str(device.vendor_name or "maker not told"), model, serial, version)
 
     def prepare(self) -> None:
         """Reset faults, set speeds, windows and limits, read them back, and enable the drives. Moves nothing.
@@ -163,12 +163,22 @@ class CiA402Pair:
                     raise BadReply(
                         f"{axis.node.where}: {index:04X}h:{subindex:02X} was set to {value} and reads back {found}"
                     )
+                axis.kept[index, subindex] = value
             self._rounded += scales.remarks
             self._set_mode(axis, PROFILE_POSITION)
+            axis.kept |= meanings_of(axis.node)
             axis.target_deg = None
             axis.fault = ""
         for name, axis in self._axes.items():
             self._enable(name, axis)
+
+    def wrong(self) -> Sequence[str]:
+        """See `SelfChecking.wrong`: mode, settings and units of both drives, which other tools can change."""
+        return [
+            f"{name}: {index:04X}h:{sub:02X} reads {found}, not {wanted}"
+            for name, axis in self._axes.items()
+            for (index, sub), wanted, found in not_kept(axis.kept, lambda key: axis.node.number(*key), eq)  # noqa: B023
+        ]
 
     def home(self) -> None:
         """See `Head.home`."""
@@ -299,6 +309,7 @@ class CiA402Pair:
                     f"after {_MODE_S:g} s; see its manual for when it changes modes, and whether it has mode {mode}"
                 )
             self._clock.sleep(_POLL_S)
+        axis.kept[MODE_DISPLAY, 0] = mode
 
     def _counts(self, degrees: float) -> int:
         return round(degrees * self._options.counts_per_degree)

@@ -5,6 +5,7 @@ Many objects of CiA 402 are optional. An object missing in the EDS is not used, 
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator
 from typing import Literal
 
@@ -12,15 +13,21 @@ from canopen.objectdictionary import ObjectDictionary
 from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
 
 from drivers.cia402_units import Quantity, Unit, parse_unit, told_unit
-from drivers.errors import BadReply
+from drivers.errors import BadReply, InstrumentError
 from drivers.wires.can_node import CanNode, has_object, read_eds
 
 FOLLOWING, WINDOW, WINDOW_TIME, VELOCITY, SOFTWARE_LIMITS = 0x6065, 0x6067, 0x6068, 0x606C, 0x607D
 SPEED, ACCELERATION, DECELERATION, QUICK_STOP = 0x6081, 0x6083, 0x6084, 0x6085
 HOME_METHOD, HOME_SPEEDS, HOME_ACCELERATION = 0x6098, 0x6099, 0x609A
 ENCODER_RESOLUTION, GEAR_RATIO, FEED = 0x608F, 0x6091, 0x6092
+HOME_OFFSET, POLARITY = 0x607C, 0x607E
 ERROR_CODE = 0x603F
 _UNIT_OBJECTS: dict[Quantity, int] = {"velocity": 0x60A9, "acceleration": 0x60AA}
+
+_MEANINGS = (
+    *((index, subindex) for index in (ENCODER_RESOLUTION, GEAR_RATIO, FEED) for subindex in (1, 2)),
+    *((index, 0) for index in (HOME_OFFSET, POLARITY, 0x60A8, *_UNIT_OBJECTS.values())),
+)
 
 _NEEDED = (0x1000, 0x6040, 0x6041, 0x6060, 0x6061, 0x6064, 0x607A, SPEED, ACCELERATION)
 """Without these objects there is no profile position mode."""
@@ -241,6 +248,19 @@ def settings_of(
     for index, subindex, value in wanted:
         if node.has(index, subindex, writable=True):
             yield index, subindex, value()
+
+
+def meanings_of(node: CanNode) -> dict[tuple[int, int], int]:
+    """Present values of the objects that decide what positions and speeds mean, by (index, subindex).
+
+    An object that the EDS has and the drive refuses is left out.
+    """
+    found = {}
+    for key in _MEANINGS:
+        if node.has(*key):
+            with contextlib.suppress(InstrumentError):
+                found[key] = node.number(*key)
+    return found
 
 
 def _agreed(node: CanNode, quantity: Quantity, declared: str | None) -> Unit:

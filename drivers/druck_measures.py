@@ -67,9 +67,10 @@ class Measures:
                 f"{self.unit}? asks for it"
             )
 
-    def accept_range(self) -> None:
-        """Check the control range against bench and unit, and refuse any other range from now on."""
+    def accept_range(self) -> str:
+        """Check the control range against bench and unit, and refuse any other range from now on; its name."""
         self._range = self._checked_range()
+        return self._range
 
     def selected_range(self) -> str:
         """Name of the control range; it contains the full scale and the reference of pressures."""

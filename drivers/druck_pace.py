@@ -7,7 +7,7 @@ Commands are from the SCPI manual K0472, issue 1 and revision A. `drivers.druck_
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from drivers.clock import Clock
@@ -16,6 +16,8 @@ from drivers.druck_measures import Measures, Scale
 from drivers.druck_options import PaceOptions
 from drivers.druck_scpi import SYNC, PaceScpi
 from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
+from drivers.kept import not_kept
+from drivers.numbers import decimal
 from drivers.roles import Identity, PressureState
 from drivers.scpi import PREPARED
 from drivers.wires import SerialSettings, Wires
@@ -30,7 +32,8 @@ _POLL_S = 1.0
 
 
 class DruckPACE:
-    """One control module of the controller; satisfies `drivers.roles.PressureController` and `Restartable`.
+    """One control module of the controller; satisfies `drivers.roles.PressureController`, `Restartable` and
+    `SelfChecking`.
 
     Args:
         name: the bench's name for it.
@@ -71,6 +74,7 @@ class DruckPACE:
         self._vent_by: float | None = None  # on the way to the atmosphere; the latest time at which the valve opens
         self._vent_started = False
         self._left_behind: tuple[str, ...] = ()
+        self._kept: dict[str, float | str] = {}  # settings of this driver, by question
 
     def limits(self) -> tuple[float, float]:
         """See `PressureController.limits`."""
@@ -99,7 +103,7 @@ class DruckPACE:
         """
         options, source = self._options, self._source
         self._pace.forget_errors()
-        self._measures.set_unit()
+        self._set_unit()
         if options.control_range is not None:
             self._pace.send(f'{source}:RANG "{options.control_range}"')
         settings = {
@@ -109,7 +113,7 @@ class DruckPACE:
             "INL:TIME": options.in_limits_s,
         }
         self._set(settings)
-        self._measures.accept_range()
+        self._kept[f"{source}:RANG?"] = self._measures.accept_range()
         self._pace.send(f"*ESE {PREPARED}")
         self._pace.check("*ESE?", PREPARED, 0.0)
 
@@ -120,6 +124,15 @@ class DruckPACE:
         instruments.
         """
         return self._pace.number("*ESE?") != PREPARED
+
+    def wrong(self) -> Sequence[str]:
+        """See `SelfChecking.wrong`: unit, control range, slew, in-limits band and setpoint, as this driver set them."""
+        found = []
+        for question, wanted, answer in not_kept(self._kept, self._pace.ask, _as_set):
+            found.append(f"{question} answers {answer}, not {wanted if isinstance(wanted, str) else f'{wanted:.7g}'}")
+            if question.startswith(self._measures.unit):
+                break  # the others are numbers in it
+        return found
 
     def set_pressure(self, psia: float) -> None:
         """See `PressureController.set_pressure`. Cancels a vent.
@@ -238,6 +251,11 @@ class DruckPACE:
             raise BadReply(f"{self._line.where}: {source}:SLEW:MODE? should answer LIN and answers {answer!r}")
         for setting, value in settings.items():
             self._pace.check(f"{source}:{setting}?", float(value), _READBACK * value)
+        self._kept |= {f"{source}:SLEW:MODE?": "LIN", **{f"{source}:{s}?": float(v) for s, v in settings.items()}}
+
+    def _set_unit(self) -> None:
+        self._measures.set_unit()
+        self._kept[f"{self._measures.unit}?"] = "PSI"
 
     def _control(self, psia: float, slew_psi_per_s: float, *, checked: bool = False) -> None:
         """Set unit and slew, then the setpoint; switch on control only if all of them are correct.
@@ -246,7 +264,7 @@ class DruckPACE:
         safe state may use another control range than the prepared one (`checked` false).
         """
         self._end_vent()
-        self._measures.set_unit()
+        self._set_unit()
         scale = self._measures.checked_scale() if checked else self._measures.scale()
         if checked:
             self._measures.refuse_unknown_zero()
@@ -263,6 +281,7 @@ class DruckPACE:
         except BadReply:  # a controlled pressure is already on its way
             self._pace.send(f"{self._output} 0")
             raise
+        self._kept[f"{self._source}?"] = setpoint
         self._in_limits_from = self._clock.now() + self._options.in_limits_s
         self._pace.send(f"{self._output} 1")
 
@@ -317,3 +336,13 @@ class DruckPACE:
         if flag.strip() not in ("0", "1"):
             raise self._line.bad_reply(question, answer, "a pressure and 0 or 1")
         return self._pace.as_number(question, pressure), flag.strip() == "1"
+
+
+def _as_set(answer: str, wanted: float | str) -> bool:
+    """Whether a setting is as it was set; numbers but for their last printed digits."""
+    if isinstance(wanted, str):
+        return answer.strip('"').upper() == wanted.upper()
+    try:
+        return abs(decimal(answer) - wanted) <= max(_READBACK * abs(wanted), _PRESSURE_READBACK_PSI)
+    except ValueError:
+        return False

@@ -16,6 +16,7 @@ from pydantic import AfterValidator
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
+from drivers.kept import not_kept
 from drivers.numbers import decimal, whole
 from drivers.roles import Identity
 from drivers.wires import SerialLine
@@ -174,7 +175,7 @@ class ScpiMeter(ABC):
         """
         if self._remote:
             return ()
-        return [f"{q} answers {answer}, not {wanted}" for q, wanted, answer in self._differing(self._declared)]
+        return [f"{q} answers {answer}, not {wanted}" for q, wanted, answer in self._not_kept(self._declared)]
 
     def start(self, count: int) -> float:
         """See `Reader.start`.
@@ -262,15 +263,11 @@ class ScpiMeter(ABC):
     def _verify(self, wanted: Mapping[str, float | str]) -> None:
         """Read settings back. Raises `BadReply` with the first wrong one."""
         self._declared = {**self._declared, **wanted}
-        for question, value, answer in self._differing(wanted):
+        for question, value, answer in self._not_kept(wanted):
             raise BadReply(f"{self._line.where}: {question} should answer {value} and answers {answer!r}")
 
-    def _differing(self, wanted: Mapping[str, float | str]) -> Iterator[tuple[str, float | str, str]]:
-        """Questions with another answer than the wanted one, also when asked again; with both."""
-        for question, value in wanted.items():
-            answers = (self._line.query(question) for _ in range(2))
-            if not any(_agree(answer := one, value) for one in answers):
-                yield question, value, answer
+    def _not_kept(self, wanted: Mapping[str, float | str]) -> Iterator[tuple[str, float | str, str]]:
+        return not_kept(wanted, self._line.query, _agree)
 
     def _raise_errors(self) -> None:
         """See `raise_errors`."""

@@ -13,6 +13,7 @@ from typing import TypeVar
 
 from drivers.clock import Clock
 from drivers.errors import BadReply, DriverError, InstrumentError, NoReply, WrongInstrument
+from drivers.kept import not_kept
 from drivers.numbers import decimal, whole
 from drivers.roles import Identity
 from drivers.scpi import PREPARED, agrees, raise_errors
@@ -233,8 +234,4 @@ class DescribedScpi:
 
     def unhealthy(self, healthy: Mapping[str, float | str]) -> tuple[str, ...]:
         """Questions whose answer is not the healthy one, also when asked again, as sentences."""
-        found = []
-        for question, wanted in healthy.items():
-            if not agrees(self.ask(question), wanted) and not agrees(answer := self.ask(question), wanted):
-                found.append(f"{question} answers {answer}, not {wanted}")
-        return tuple(found)
+        return tuple(f"{q} answers {answer}, not {wanted}" for q, wanted, answer in not_kept(healthy, self.ask, agrees))

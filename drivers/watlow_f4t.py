@@ -22,6 +22,7 @@ from drivers.watlow_units import ILLEGAL_ADDRESS, MappedTemperatures, celsius
 from drivers.wires import Wires
 
 _NO_ALARM = ("startup", "none", "blocked")
+_PROFILES = ("running", "paused")
 
 
 def _register(power: str) -> str:
@@ -36,7 +37,8 @@ _NEEDED = (
 
 
 class WatlowF4T(MappedTemperatures):
-    """One control loop of the controller, or one cascade of two; satisfies `drivers.roles.Chamber`.
+    """One control loop of the controller, or one cascade of two; satisfies `drivers.roles.Chamber` and
+    `SelfChecking`.
 
     It has no known sign of a power cut: settings and setpoint survive it.
 
@@ -161,9 +163,11 @@ class WatlowF4T(MappedTemperatures):
 
         Raises:
             LimitError: the controller's own setpoint range is narrower than the bench's.
-            NotReady: a cascade's air control is on.
+            NotReady: a cascade's air control is on, or a profile runs.
             BadReply: a setting reads back differently, or the unit of temperature is in doubt.
         """
+        for profile in self._profile():
+            raise NotReady(f"{self._line.where}: {profile}")
         fahrenheit = self._fahrenheit()
         low, high = self._range(fahrenheit)
         if not self._holds_ours(low, high):
@@ -186,6 +190,15 @@ class WatlowF4T(MappedTemperatures):
         self._set_code("ramp_scale", "minutes")
         self._set_number("ramp_rate", ramp * 1.8 if fahrenheit else ramp)
         self._set_code("ramp_action", "setpoint")
+
+    def wrong(self) -> Sequence[str]:
+        """See `SelfChecking.wrong`: the unit of its temperatures, what this driver set, and what else may set it."""
+        unit = self._own_unit()
+        if self._found_unit and unit not in ("", self._found_unit):
+            return [f"the unit of its Modbus temperatures is {unit}, not {self._found_unit}"]
+        air = self._air_control()
+        off = [f"{self._options.power} reads off, not on"] if self._kept.get("mode") and not self._powered() else []
+        return [*self._not_kept(), *off, *([air] if air else []), *self._profile()]
 
     def remarks(self) -> Sequence[str]:
         """See `Remarking.remarks`: what its connection does."""
@@ -211,6 +224,7 @@ class WatlowF4T(MappedTemperatures):
         self._set_setpoint(degC, fahrenheit)
         if self._code("mode") != "auto":
             self._set_code("mode", "auto")
+        self._kept["mode"] = "auto"
         if self._power and not self._powered():
             self._switch_on()
 
@@ -270,6 +284,18 @@ class WatlowF4T(MappedTemperatures):
         if not self._options.cascade or "air_control" not in self._map.cascade or self._code("air_control") == "off":
             return ""
         return "its Air Control is on, so it is not a cascade; switch it off there"
+
+    def _profile(self) -> Sequence[str]:
+        """Defect of a controller with a profile under way, which sets the setpoint; () if none, or if it has none."""
+        if "profile_state" not in self._map.registers:
+            return ()
+        try:
+            state = self._code("profile_state")
+        except InstrumentError as error:
+            if error.code != ILLEGAL_ADDRESS:
+                raise
+            return ()
+        return (f"its profile is {state}, and sets the setpoint; end it at its panel",) if state in _PROFILES else ()
 
     def _require_cascade(self) -> None:
         if air := self._air_control():

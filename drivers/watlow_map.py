@@ -12,6 +12,7 @@ from typing import Literal, Self
 from pydantic import BaseModel, Field, model_validator
 
 from drivers.errors import BadReply
+from drivers.kept import not_kept
 from drivers.wires.modbus import ModbusLine, float_of_words, in_other_order, words_of_float
 
 _READBACK = 1e-5  # relative; a setpoint is stored in single precision
@@ -82,6 +83,7 @@ class MappedDevice:
         self._loop = loop
         self._entries = {**registers.registers, **(registers.cascade if cascade else {})}
         self._low_first = registers.word_order == "low-first"
+        self._kept: dict[str, float | str] = {}
         self._names = {of: {code: known for known, code in codes.items()} for of, codes in registers.codes.items()}
 
     def _address(self, name: str, number: int = 0) -> int:
@@ -113,6 +115,7 @@ class MappedDevice:
         found = self._code(name)
         if found != value:
             raise BadReply(f"{self._line.where}: {name} was set to {value} and reads back {found}")
+        self._kept[name] = value
 
     def _float(self, name: str, number: int = 0) -> float:
         """A number as it stands on the wire, which may be NaN. Raises `BadReply` if its words are swapped."""
@@ -139,5 +142,26 @@ class MappedDevice:
     def _set_number(self, name: str, value: float) -> None:
         self._line.write(self._address(name), words_of_float(value, low_first=self._low_first))
         found = self._number(name)
-        if not math.isclose(found, value, rel_tol=_READBACK, abs_tol=1e-4):
+        if not _same(found, value):
             raise BadReply(f"{self._line.where}: {name} was set to {value:g} and reads back {found:g}")
+        self._kept[name] = value
+
+    def _shown(self, name: str, value: float | str) -> str:
+        """A register's value for a person."""
+        return value if isinstance(value, str) else f"{value:.6g}"
+
+    def _not_kept(self) -> list[str]:
+        """Settings that are not as this driver set them, as sentences."""
+
+        def ask(name: str) -> float | str:
+            return self._code(name) if self._entries[name].codes else self._float(name)
+
+        changed = not_kept(self._kept, ask, _same)
+        return [f"{n} reads {self._shown(n, found)}, not {self._shown(n, wanted)}" for n, wanted, found in changed]
+
+
+def _same(found: float | str, wanted: float | str) -> bool:
+    """Whether a code or a number reads back as it was set."""
+    if isinstance(found, str) or isinstance(wanted, str):
+        return found == wanted
+    return math.isclose(found, wanted, rel_tol=_READBACK, abs_tol=1e-4)

@@ -142,6 +142,16 @@ class MappedTemperatures(MappedDevice):
         least, most = self._limits_degC
         return low - 1e-3 <= least and most <= high + 1e-3
 
+    def _shown(self, name: str, value: float | str) -> str:
+        fahrenheit = self._found_unit == "F"
+        if isinstance(value, str) or name not in ("setpoint", "ramp_rate"):
+            return super()._shown(name, value)
+        return (
+            f"{celsius(value, fahrenheit):.5g} degC"
+            if name == "setpoint"
+            else f"{value / (1.8 if fahrenheit else 1):.4g} K"
+        )
+
     def _temperature(self, name: str, fahrenheit: bool) -> float:
         return celsius(self._number(name), fahrenheit)
 

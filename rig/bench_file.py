@@ -16,6 +16,9 @@ from rig.plugins import driver_class
 from rig.protection import STATES
 from rig.quantities import HEAD, PRESSURE
 
+NO_QUESTION = "nothing can be asked that tells whether somebody has changed its settings"
+"""Of instruments whose drivers have no such question."""
+
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
@@ -100,6 +103,12 @@ def unasked(config: BenchConfig) -> list[str]:
         if "check" in driver_class(instruments[name].driver).Options.model_fields
         and not instruments[name].options.get("check")
     ]
+
+
+def cannot_be_asked(config: BenchConfig) -> list[str]:
+    """Names of the instruments with a wire whose drivers have no question that tells of a change at the panel."""
+    asked = playing(config, SelfChecking)
+    return [n for n, i in config.instruments.items() if n not in asked and driver_class(i.driver).wire != "none"]
 
 
 def _quantities(config: BenchConfig) -> list[str]:

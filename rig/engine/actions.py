@@ -292,7 +292,7 @@ class BenchActions:
             readings = self.axes()
             trail.append((self._axes_read, readings))
             if what == "moving":
-                self._check_control(readings)
+                self.check_control(readings)
             if True not in [reading.moving for reading in readings.values()]:
                 return trail
             if self._axes_read - began > timeout_s:
@@ -302,7 +302,7 @@ class BenchActions:
                 self.stop_motion()
                 raise NotSettled(f"{what} took longer than {timeout_s:g} s ({late})", {})
 
-    def _check_control(self, readings: Mapping[str, AxisReading]) -> None:
+    def check_control(self, readings: Mapping[str, AxisReading]) -> None:
         """Raise if an axis has lost control or its zero: it will never arrive. A source that was not set yet is off."""
         if self._controlled:
             return
@@ -329,7 +329,7 @@ class BenchActions:
 
         def read() -> dict[str, float]:
             readings = (shared.pop() if shared else self.axes)()
-            self._check_control(readings)
+            self.check_control(readings)
             return {axis: reading.value for axis, reading in readings.items()}
 
         evidence = self._until_settled(criteria, read, poll_s)

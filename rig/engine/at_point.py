@@ -37,6 +37,7 @@ from rig.engine.queue import PointQueue
 from rig.engine.read_by_hand import ReadByHand
 from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
+from rig.engine.standing import commanded
 from rig.engine.steering import Steering, overshot
 from rig.engine.wellness import Wellness
 from rig.own_scatter import KEPT, OwnScatter
@@ -131,6 +132,8 @@ class AtPoint:
         at = self._at
         if self._soaking is not None:
             self._soaking.check_while_working(at.point)
+        elif not commanded(self._conduct.environment, self._do.environment()):
+            return "prepare"  # somebody has set or switched off a chamber
         self._set_up()
         self._journal.start_timing()
         at.legs = recovery_legs(self._run_list.factors, at.point, self._before(at.point), self._axes)
@@ -306,6 +309,7 @@ class AtPoint:
         at = self._at
         assert at.observation is not None
         after = self._do.axes()
+        self._do.check_control(after)
         positions = {axis: reading.value for axis, reading in after.items()}
         self._assert_undisturbed(at, positions)
         chambers = self._do.environment()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from procedures.conduct import Conduct
+from procedures.conduct import Conduct, EnvironmentSettings
 from rig.engine.journal import Journal
 from rig.engine.queue import PointQueue
 from rig.engine.settling import SETPOINT_STANDS
@@ -60,10 +60,17 @@ class Standing:
 
     def environment_stands(self, as_found: Mapping[str, Any]) -> bool:
         """Whether every chamber is at the setpoint of the procedure."""
-        wanted = self._conduct.environment
-        return wanted is None or all(
-            c["running"]
-            and abs(c["setpoint_degC"] - wanted.setpoint_degC) < SETPOINT_STANDS
-            and abs(c["temperature_degC"] - wanted.setpoint_degC) <= wanted.tolerance_degC
-            for c in as_found["chambers"].values()
+        wanted, chambers = self._conduct.environment, as_found["chambers"]
+        return commanded(wanted, chambers) and (
+            wanted is None
+            or all(
+                abs(c["temperature_degC"] - wanted.setpoint_degC) <= wanted.tolerance_degC for c in chambers.values()
+            )
         )
+
+
+def commanded(wanted: EnvironmentSettings | None, chambers: Mapping[str, Any]) -> bool:
+    """Whether every chamber controls at the setpoint of the procedure, if it has one."""
+    return wanted is None or all(
+        c["running"] and abs(c["setpoint_degC"] - wanted.setpoint_degC) < SETPOINT_STANDS for c in chambers.values()
+    )

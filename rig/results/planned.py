@@ -21,7 +21,7 @@ from procedures.by_hand import ALLOWANCE_H, HandStep
 from procedures.durations import duration
 from procedures.kinds import kind_of
 from procedures.unused import unit_of
-from rig.bench_file import playing, unasked
+from rig.bench_file import NO_QUESTION, cannot_be_asked, playing, unasked
 from rig.config import due_dates
 from rig.disk_space import needed_bytes
 from rig.engine.guard import Guard
@@ -117,6 +117,7 @@ class Plan(Result):
             "limits": self._limits,
             "scatter_without_limit": self._without_limit,
             "unasked": unasked(self.checked.bench),
+            "cannot_be_asked": cannot_be_asked(self.checked.bench),
             "overdue": self.overdue,
             "not_on_bench": beside(self.checked),
             "not_stated": not_stated(self.checked),
@@ -244,6 +245,8 @@ class Plan(Result):
         if names := unasked(checked.bench):
             words = "no question of check tells whether somebody has changed its unit, channel or range"
             yield Line(f"  {escape(', '.join(names))}: {words}")
+        if names := cannot_be_asked(checked.bench):
+            yield Line(f"  {escape(', '.join(names))}: {NO_QUESTION}")
         environment = _environment(self.checked)
         if environment:
             yield Line(f"  environment: {escape(environment)}")

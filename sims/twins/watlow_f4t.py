@@ -137,6 +137,20 @@ class WatlowF4TTwin:
             if unit:
                 self._settings[name] = self._codes["units"][unit]
 
+    def set_at_panel(self, name: str, value: str | float) -> None:
+        """Change a register as at the panel: a code by its name, a setpoint (degC) or a ramp (K per its scale)."""
+        if name == "setpoint":
+            self._set_setpoint(float(value))
+        elif name == "mode":
+            self._set_mode(self._codes["mode"][str(value)])
+        elif name == "ramp_rate":
+            self._set_ramp_rate(self._in_charge, float(value))
+        elif name == "profile_state":
+            self._settings[name] = self._codes["profile"][str(value)]
+        else:
+            table = "switch" if name == "air_control" else name
+            self._settings[self._in_charge + name] = self._codes[table][str(value)]
+
     def set_alarm(self, number: int, state: str, kind: str = "process", limit_degC: float | None = None) -> None:
         """Put alarm 1, 2, ... into a state and give it a type, both named as in the register map."""
         alarm = self._alarms[number - 1]

@@ -17,7 +17,7 @@ from drivers.druck_pace import DruckPACE
 from drivers.druck_ranges import full_scale_psi, reference_of
 from drivers.druck_scpi import _same_header
 from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
-from drivers.roles import PressureController, Restartable
+from drivers.roles import PressureController, Restartable, SelfChecking
 from sims.physics.pressure_line import ATMOSPHERE_PSIA, LineTruth, PressureLine
 from sims.twins.druck_pace import DruckPACETwin
 from sims.world import World
@@ -906,3 +906,46 @@ def test_whatever_arrives_it_goes_on(words):
     rig.twin.on_rx("".join(words).encode("latin-1") + b"\n", lambda answer: None)
     rig.world.sleep(1.0)
     assert "Pace5000" in rig.say("*IDN?")
+
+
+# --- changed at its panel, asked before and after the readings of every point
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda twin: twin.set_unit("BAR"), ":UNIT:PRES? answers BAR, not PSI"),
+        (lambda twin: twin.set_setpoint("9.2"), ":SOUR:PRES? answers 9.2000000, not 7.5"),
+        (lambda twin: twin.set_slew("MAX"), ":SOUR:PRES:SLEW? answers 5.0000000, not 0.1"),
+        (lambda twin: twin.set_slew_mode("MAX"), ":SOUR:PRES:SLEW:MODE? answers MAX, not LIN"),
+        (lambda twin: twin.set_overshoot("1"), ":SOUR:PRES:SLEW:OVER? answers 1, not 0"),
+        (lambda twin: twin.set_band("1"), ":SOUR:PRES:INL? answers 1.0000000, not 0.01"),
+        (lambda twin: twin.set_band_time("9"), ":SOUR:PRES:INL:TIME? answers 9, not 2"),
+    ],
+)
+def test_it_says_what_was_changed_at_its_panel_and_is_right_again_when_it_is_set_again(change, said):
+    rig = Rig(slew_psi_per_s=0.1, in_limits_s=2).ready()
+    assert isinstance(rig.pace, SelfChecking)
+    rig.settle(7.5)
+    assert rig.pace.wrong() == []
+    change(rig.twin)
+    assert rig.pace.wrong() == [said]
+    rig.pace.prepare()
+    rig.pace.set_pressure(7.5)
+    assert rig.pace.wrong() == []
+
+
+def test_another_control_range_is_told_by_its_name():
+    rig = Rig().ready()
+    rig.twin.ask_range = lambda: '"35.00psia"'
+    assert rig.pace.wrong() == [':SOUR:PRES:RANG? answers "35.00psia", not 15.00psia']
+
+
+def test_what_its_own_driver_changes_is_not_wrong():
+    rig = Rig().ready()
+    rig.settle(7.5)
+    rig.pace.stop()
+    assert rig.pace.wrong() == []
+    rig.pace.make_safe()
+    rig.pace.prepare()
+    assert rig.pace.wrong() == []

@@ -15,7 +15,7 @@ from drivers.errors import DriverError
 from drivers.roles import Identity, Instrument, Remarking
 from drivers.wires import Wires
 from procedures.shell import shell_word
-from rig.bench_file import check_options, unasked
+from rig.bench_file import NO_QUESTION, cannot_be_asked, check_options, unasked
 from rig.config import BenchConfig, InstrumentConfig, due_dates
 from rig.errors import BusyError
 from rig.locks import locked_addresses
@@ -64,11 +64,13 @@ def check_twins(config: BenchConfig, truth: Mapping[str, Any], known: Known) -> 
 
 
 def check_guards(config: BenchConfig) -> Iterator[Finding]:
-    """Findings about described instruments that nothing asks whether they were changed."""
+    """Findings about instruments that nothing asks whether they were changed."""
     names = unasked(config)
     if names:
         words = "no question tells whether somebody has changed its unit, channel or range at the panel"
         yield warning(", ".join(names), words, "name one in check (docs/how_to/scpi.md)")
+    if names := cannot_be_asked(config):
+        yield ok(", ".join(names), NO_QUESTION)
 
 
 def ask(
