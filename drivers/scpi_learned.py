@@ -1,8 +1,9 @@
 """The way a meter prints its readings: the unit after a number, and the form of a number, learned from the first ones.
 
 A character that is lost or doubled on the way can leave a number that looks right: `+1.25E+02` without its first digit
-is 25. Most meters print all numbers with exponent in one form. Once a few readings have shown it, a reading of another
-form is refused.
+is 25. Most meters print all numbers with exponent in one form, and plain decimals with one number of decimals or of
+digits. Once a few readings have shown it, a reading of another form is refused. A digit that is lost before the point
+does not change the number of decimals: see `rig.lost_digits`.
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ import re
 from collections.abc import Mapping, Sequence
 
 _NR3 = re.compile(r"([+-]?)([0-9]*\.?[0-9]*[Ee][+-]?[0-9]+)")
+_DECIMAL = re.compile(r"([+-]?)([0-9]*)(\.?)([0-9]*)")
 _FEWEST = 5
 """Readings of one form, at least, before another one is refused."""
-_NO_FORM = "any"
+_NO_FORM, _OR = "any", " or "
 _ALIKE: Mapping[str, frozenset[str]] = {
     "degC": frozenset({"C", "CEL", "DEGC", "DEG C"}),
     "degF": frozenset({"F", "FAR", "DEGF", "DEG F"}),
@@ -48,47 +50,56 @@ def is_unit(printed: str) -> bool:
 
 
 class PrintedForm:
-    """The form of the readings of one meter, such as `+#.####E+##`: only of numbers that all have an exponent.
+    """The form of the readings of one meter: `+#.####E+##`, `#.##` (two decimals) or `#. 5` (five digits).
 
-    A meter whose readings differ in form has none. So does one that prints another form twice in succession.
+    A form that one reading does not have is dropped. A meter without a form that all readings have has none. So does
+    one that prints another form twice in succession.
     """
 
     def __init__(self) -> None:
         self._seen = 0
-        self._form = self._sign = ""
+        self._forms: frozenset[str] | None = None  # None before the first reading
+        self._sign = ""
         self._refused = False
 
     @property
     def learned(self) -> dict[str, str | int]:
-        """Number of readings seen, up to the fewest needed, their form, and the sign of positive ones."""
-        return {"readings": self._seen, "form": self._form, "sign": self._sign} if self._seen else {}
+        """Number of readings seen, up to the fewest needed, their forms, and the sign of positive ones."""
+        forms = _OR.join(sorted(self._forms or ())) or _NO_FORM
+        return {"readings": self._seen, "form": forms, "sign": self._sign} if self._seen else {}
 
     def recall(self, learned: Mapping[str, str | int]) -> None:
         """Take an earlier `learned`."""
         self._seen = int(learned.get("readings", 0))
-        self._form, self._sign = str(learned.get("form", "")), str(learned.get("sign", ""))
+        self._sign = str(learned.get("sign", ""))
+        forms = str(learned.get("form", _NO_FORM))
+        if self._seen:
+            self._forms = frozenset() if forms == _NO_FORM else frozenset(forms.split(_OR))
 
     def strange(self, numbers: Sequence[str]) -> str:
         """The first of some readings, as printed, of another form than all before; "" if there is none."""
         for number in numbers:
-            sign, form = _form(number)
-            if self._form in ("", form) and (sign in ("-", self._sign) or not self._sign):
-                self._form = form
+            sign, forms = _forms(number)
+            kept = forms if self._forms is None else self._forms & forms
+            if kept and (sign in ("-", self._sign) or not self._sign):
+                self._forms = kept
                 self._sign = self._sign or (sign if sign == "+" else "")
-            elif self._form != _NO_FORM and self._seen >= _FEWEST and not self._refused:
+            elif self._forms and self._seen >= _FEWEST and not self._refused:
                 self._refused = True
                 return number
             else:
-                self._form = _NO_FORM
+                self._forms = frozenset()
             self._seen = min(self._seen + 1, _FEWEST)
         self._refused = False
         return ""
 
 
-def _form(number: str) -> tuple[str, str]:
-    """Sign of a number, and its form without it."""
-    found = _NR3.fullmatch(number)
-    if found is None:
-        return "", _NO_FORM
-    sign, rest = found.groups()
-    return sign, re.sub("[0-9]", "#", rest.replace("E-", "E+").replace("e-", "e+"))
+def _forms(number: str) -> tuple[str, frozenset[str]]:
+    """Sign of a number, and the forms that it may have without it."""
+    if found := _NR3.fullmatch(number):
+        return found[1], frozenset({re.sub("[0-9]", "#", found[2].replace("E-", "E+").replace("e-", "e+"))})
+    if found := _DECIMAL.fullmatch(number):
+        sign, whole, point, rest = found.groups()
+        begin = f"{'#' if whole else ''}{point}"
+        return sign, frozenset({begin + "#" * len(rest), f"{begin} {len(whole + rest)}"})
+    return "", frozenset()

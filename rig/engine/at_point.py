@@ -40,6 +40,7 @@ from rig.engine.soaking import Soaking
 from rig.engine.standing import commanded
 from rig.engine.steering import Steering, overshot
 from rig.engine.wellness import Wellness
+from rig.lost_digits import LostDigits, lost_digit
 from rig.own_scatter import KEPT, OwnScatter
 from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import EMPTY
@@ -110,9 +111,11 @@ class AtPoint:
         self._most_scatter = most_scatter(conduct, bench.config)
         self._steering = steering
         self._own_scatter = OwnScatter(without_limit(conduct, bench.config), run_list.largest())
+        self._lost_digits = LostDigits(run_list, bench.config.typed)
         for record in journal.recent(KEPT):
             if isinstance(record.event, Observed) and record.run_index is not None:
                 self._own_scatter.recall(record.run_index, record.event)
+                self._lost_digits.recall(record.run_index, record.event)
         self._well = Wellness(do, journal)
         self._poll_s = conduct.poll_s
         read_by = (*bench.sensors.items(), *bench.references.items())
@@ -232,7 +235,9 @@ class AtPoint:
             most = self._most_scatter[name]
             noise = f"{name} scatters by {most.told(sds[name])} at point {at.point.index}, more than {most.most}"
             return self._again("noisy", name, noise)
-        found = self._own_scatter.contradiction(observation.every_reading, self._read_before(at))
+        readings = observation.every_reading
+        found = self._own_scatter.contradiction(readings, self._read_before(at))
+        found = found or self._lost_digits.contradiction(at.point.index, readings)
         if found is not None:
             return self._again(CONTRADICTORY, found.name, f"{found.words}, at point {at.point.index}")
         return "record"
@@ -287,10 +292,14 @@ class AtPoint:
         for factor in self._standards:
             found, most = observation.references[factor.name].mean, self._conduct.tolerances.get(factor.name)
             target, unit = setting[factor.name], spelled(unit_of(factor.name))
-            if most is not None and not abs(found - target) <= most:
+            if most is None:
+                apart = "as if a first digit were lost" if lost_digit(found, target) else ""
+            else:
+                far = f"more than {most:g} apart; look at the standard's formula and wiring, and at what sets it"
+                apart = "" if abs(found - target) <= most else far
+            if apart:
                 words = (
-                    f"the reference of {factor.axis} reads {found:.6g} {unit}, and it was set to {target:g}: more than "
-                    f"{most:g} apart; look at the standard's formula and wiring, and at what sets it"
+                    f"the reference of {factor.axis} reads {found:.6g} {unit}, and it was set to {target:g}: {apart}"
                 )
                 self._flag("reference", "reference", ReferenceDisagrees(words))
                 return
@@ -342,6 +351,7 @@ class AtPoint:
         for number, event in enumerate(later, 1):  # one commit: a kill in between would lose them
             self._journal.write(event, commit=number == len(later))
         self._own_scatter.recall(at.point.index, observed)
+        self._lost_digits.recall(at.point.index, observed)
         self._typed.observed(at.point, observed.every_reading)
         self._journal.point_observed()
         if (self._warned(at.point, observed) or contradictions) and self._conduct.warnings.hold:
@@ -361,10 +371,11 @@ class AtPoint:
         Of several observations lately only the first is told.
         """
         assert at.observation is not None
-        own, readings, told = self._own_scatter, at.observation.every_reading, []
+        own, lost, readings, told = self._own_scatter, self._lost_digits, at.observation.every_reading, []
         if CONTRADICTORY in at.observation.flags and not own.doubted:
-            one = own.contradiction(readings, self._read_before(at))
+            one = own.contradiction(readings, self._read_before(at)) or lost.contradiction(at.point.index, readings)
             told += [] if one is None else [(one, f"{one.words}, at point {at.point.index}")]
+        told += [(one, f"point {one.point}: {one.words}") for one in lost.earlier(at.point.index, readings)]
         told += [(one, f"{one.words}, at point {one.point}, which was one of the first") for one in own.first(readings)]
         advice = "readings that contradict one another; look at the wiring and the meter"
         return [Warned(CONTRADICTORY, one.name, f"{words}: {advice}") for one, words in told]

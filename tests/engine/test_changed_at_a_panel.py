@@ -5,6 +5,7 @@ The instruments are of no twin: `tests/support/foreign_instruments.py`.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from rig.bench_file import check_options
 from rig.config import parse_bench
 from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
+from rig.lost_digits import lost_digit
 from rig.plans import load_plan
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
@@ -255,6 +257,94 @@ def test_a_meter_without_one_form_is_never_refused(numbers):
     form = PrintedForm()
     assert form.strange(numbers) == ""
     assert form.strange(["25", "1e3", "-0.5"]) == ""
+
+
+@pytest.mark.parametrize("lost", ["125.0", "1250", ".50", "1.250"])
+def test_a_number_of_decimals_is_learned(lost):
+    form = PrintedForm()
+    assert form.strange(["12.50", "-3.25", "0.00", "125.00", "9.75"]) == ""
+    assert form.strange(["12.50", lost]) == lost
+
+
+def test_a_meter_that_changes_its_range_keeps_the_number_of_digits():
+    form = PrintedForm()
+    assert form.strange(["1.2345", "1.5000", "0.9999", "1.0000", "1.1111"]) == ""
+    assert form.strange(["12.345", "123.45", "-1.2345"]) == "", "another range is no lost character"
+    again = PrintedForm()
+    again.recall(form.learned)
+    assert again.strange(["2.345"]) == "2.345"
+
+
+@pytest.mark.parametrize("readings", [1, 2])
+@pytest.mark.parametrize("resumed", [False, True])
+def test_a_first_digit_that_plain_decimals_have_lost_is_read_again(run, readings, resumed):
+    """The meter prints two decimals; 25.00 for 125.00 is no other form, and all readings of the point have lost it."""
+    it, signals = Foreign(), Signals()
+    wrong = range(5 * readings + 1, 6 * readings + 1)
+    it.printed = lambda text: f"{float(text):.2f}"[it.taken in wrong :]
+    it.at_panel = lambda n, it: setattr(signals, "interrupt", "SIGTERM" if resumed and n == 4 * readings else "")
+    path, result = run(it, [12.5, 55, 125], readings=readings, replications=3, signals=signals)
+    if resumed:
+        assert result.outcome is Outcome.INTERRUPTED
+        result = resume_run(path, on_progress=lambda _: None, signals=Signals())
+    assert result.outcome is Outcome.COMPLETE
+    assert means(path) == [12.5, 55.0, 125.0] * 3
+    (rejected,) = [one for r in accepted(path) for one in r.data.get("rejected", [])]
+    assert rejected["contradictory"] == "probe_degC"
+    assert rejected["outputs"]["probe_degC"]["mean"] == pytest.approx(25.0, abs=0.1)
+    assert defects(path) == []
+
+
+def test_a_line_that_loses_every_first_digit_is_flagged_and_told(run):
+    it = Foreign()
+    it.printed = lambda text: f"{float(text):.2f}"[it.taken > 5 :]
+    path, result = run(it, [12.5, 55, 125], readings=1, replications=3)
+    assert result.outcome is Outcome.COMPLETE
+    flagged = [r.run_index for r in accepted(path) if "contradictory" in r.data["flags"]]
+    assert flagged == [5, 6, 7, 8]
+    told = [r.data["message"] for r in records(path, "event", "warning") if r.data["cause"] == "contradictory"]
+    assert "probe_degC reads 25 degC, and 125 degC at the same setting, as if a first digit were lost" in told[0]
+    assert defects(path) == []
+
+
+def test_a_first_digit_lost_in_the_first_replication_is_told_at_the_second(run):
+    it = Foreign()
+    it.printed = lambda text: f"{float(text):.2f}"[it.taken == 3 :]
+    path, result = run(it, [12.5, 55, 125], readings=1, replications=2)
+    assert result.outcome is Outcome.COMPLETE
+    (warned,) = [r.data["message"] for r in records(path, "event", "warning")]
+    assert warned.startswith("point 2: probe_degC reads 25 degC, and 125.01 degC at the same setting")
+    assert defects(path) == []
+
+
+@pytest.mark.parametrize(
+    ("value", "whole", "lost"),
+    [
+        (2.5, 12.5, True),
+        (25.0, 125.2, True),
+        (-25.0, -125.0, True),
+        (9.98, 100.02, True),
+        (0.02, 10.03, True),
+        (5.0, 55.0, True),
+        (12.5, 125.0, False),
+        (12.0, 12.5, False),
+        (-2.5, 12.5, False),
+        (0.5, 2.5, False),
+        (3.9, 12.5, False),
+        (math.nan, 12.5, False),
+        (0.0, 0.0, False),
+    ],
+)
+def test_which_differences_are_a_lost_digit(value, whole, lost):
+    assert lost_digit(value, whole) is lost
+
+
+def test_noise_about_zero_of_a_large_quantity_is_no_lost_digit(run):
+    it = Foreign()
+    it.values = lambda true: 1e5 * true + (13.0 if it.taken == 1 else 3.0 if it.taken == 3 else 0.0)
+    path, result = run(it, [0, 350], readings=1, replications=2)
+    assert result.outcome is Outcome.COMPLETE
+    assert not any(r.data.get("rejected") for r in accepted(path))
 
 
 # --- meters with a driver of their own --------------------------------------------------------------------------

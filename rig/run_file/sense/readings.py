@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from rig.lost_digits import LostDigits
 from rig.own_scatter import OwnScatter
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
@@ -38,6 +39,7 @@ class Readings:
         self._columns: dict[str, set[str]] = {}
         self._most: Mapping[str, MostScatter] = {}
         self._own: OwnScatter | None = None
+        self._lost = LostDigits(case.run_list, bench.typed if bench is not None else ())
         self._standards: set[str] = set()
         self._typed = case.typed
         if bench is not None:
@@ -98,9 +100,11 @@ class Readings:
         if self._own is None or record.run_index is None:
             return
         own = self._own.contradiction(event.every_reading, readings_of(event.rejected))
+        own = own or self._lost.contradiction(record.run_index, event.every_reading)
         if CONTRADICTORY in event.flags and own is None:
             yield "it is marked as contradictory, and its readings do not contradict one another"
         self._own.recall(record.run_index, event)
+        self._lost.recall(record.run_index, event)
 
     def _read_by_hand(self, record: Record, event: Observed, fold: RunState) -> Iterator[str]:
         """Check that what a person read is what was typed."""
