@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.confirm_peers import BuzziFerrarisForzatti, HunterReiner
-from fitter.confirm import Points
 from proving.statistics.confirm import NO_ROLL, PAIRS, SMALL
 from proving.statistics.dry_runs import dry, one_sensor
-from rig.closed_loop.confirm import consider, judge, open_traced, plan_for, propose
+from rig.fitter.confirm import Points
+from rig.verbs.confirm import consider, judge, open_traced, plan_for, propose
 
 WAYS = {"whole designs": None, "T": Points, "HR": HunterReiner, "BFF": BuzziFerrarisForzatti}
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.designs import optimal
+from rig.fitter.designs import optimal
 
 ETA = 1.0
 

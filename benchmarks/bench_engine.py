@@ -32,12 +32,12 @@ import ideal_bench
 
 from benchmarks.load import commits
 from benchmarks.scratch import RUNS
-from procedures.attitude.settings import PitchRollProcedure
 from rig.engine.at_point import AtPoint
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.guard import Guard
 from rig.engine.journal import Journal
 from rig.engine.liveness import Liveness
+from rig.procedures.attitude.settings import PitchRollProcedure
 from rig.run_file.chain import Record, encode
 from rig.run_file.writer import RunWriter
 

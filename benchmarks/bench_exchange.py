@@ -9,19 +9,19 @@ import time
 from collections.abc import Callable
 from importlib.resources import files
 
-from drivers.keysight_34401a import Keysight34401A
-from drivers.keysight_34970a import Keysight34970A
-from drivers.newport_esp301 import NewportESP301
-from drivers.watlow_f4t import WatlowF4T
-from drivers.wires import Wires
-from sims.bench import SimBench
-from sims.twins.keysight_34401a import Keysight34401ATwin
-from sims.twins.keysight_34970a import Keysight34970ATwin
-from sims.twins.newport_esp301 import NewportESP301Twin
-from sims.twins.watlow_f4t import WatlowF4TTwin
-from sims.world import World
+from rig.drivers.keysight_34401a import Keysight34401A
+from rig.drivers.keysight_34970a import Keysight34970A
+from rig.drivers.newport_esp301 import NewportESP301
+from rig.drivers.watlow_f4t import WatlowF4T
+from rig.drivers.wires import Wires
+from rig.sims.bench import SimBench
+from rig.sims.twins.keysight_34401a import Keysight34401ATwin
+from rig.sims.twins.keysight_34970a import Keysight34970ATwin
+from rig.sims.twins.newport_esp301 import NewportESP301Twin
+from rig.sims.twins.watlow_f4t import WatlowF4TTwin
+from rig.sims.world import World
 
-REGISTERS = files("contracts").joinpath("watlow_f4t.toml").read_text(encoding="utf-8")
+REGISTERS = files("rig.contracts").joinpath("watlow_f4t.toml").read_text(encoding="utf-8")
 CHANNELS = {"101": "volts", "102": "volts", "103": "volts", "104": "thermistor-10k"}
 BENCH = {
     "name": "benchmark",

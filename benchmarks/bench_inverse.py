@@ -17,9 +17,9 @@ import time
 import numpy as np
 from scipy.optimize import leastsq
 
-from procedures.attitude.infer import ThreeAxis, calibrate_package, infer_attitude
-from procedures.attitude.infer.blocks import cores
 from proving.truth.attitude import D1, Bench, simulate, volts
+from rig.procedures.attitude.infer import ThreeAxis, calibrate_package, infer_attitude
+from rig.procedures.attitude.infer.blocks import cores
 
 BENCH = Bench()
 READINGS = 2_000_000

@@ -27,13 +27,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests" / "suppo
 
 from nist import PROBLEMS, digits
 
-from fitter import Triangle, least_squares
-from fitter.formula import Formula
-from fitter.refine import refine
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.fit import fit_attitude
-from procedures.attitude.model import COLUMNS, attitude_columns, attitude_parameters, fit_columns
 from proving.truth.attitude import D1, Bench, simulate
+from rig.fitter import Triangle, least_squares
+from rig.fitter.formula import Formula
+from rig.fitter.refine import refine
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.fit import fit_attitude
+from rig.procedures.attitude.model import COLUMNS, attitude_columns, attitude_parameters, fit_columns
 
 NIGHT = D1(180, 37, 13)
 ROUNDS, CALLS = 40, 5

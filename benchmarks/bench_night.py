@@ -19,10 +19,10 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from benchmarks.scratch import RUNS
-from rig.controller import start_run
 from rig.engine.session import Signals
 from rig.examples import example
-from rig.plans import load_plan
+from rig.runs.controller import start_run
+from rig.runs.plans import load_plan
 from rig.simulated import dry_run
 
 NIGHTS = {"attitude": ("attitude-lab", "night.toml", 0.5), "pressure": ("pressure-lab", "procedure.toml", 2.0)}

@@ -20,8 +20,8 @@ from time import perf_counter
 
 import numpy as np
 
-from fitter.split_plot import SplitPlotDesign
 from proving.truth.split_plot import NAMES, WHOLE_PLOT, columns
+from rig.fitter.split_plot import SplitPlotDesign
 
 
 def responses(m: int, ratio: float) -> np.ndarray:

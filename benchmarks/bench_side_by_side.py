@@ -23,12 +23,12 @@ import time
 from pathlib import Path
 
 from benchmarks.scratch import RUNS
-from rig.controller import start_run
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
-from rig.plans import load_plan
 from rig.run_file.events.sessions import SessionBegan
 from rig.run_file.reader import RunReader
+from rig.runs.controller import start_run
+from rig.runs.plans import load_plan
 
 _NIGHT = """kind = "pitch-roll"
 name = "side-by-side"

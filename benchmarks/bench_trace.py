@@ -16,9 +16,9 @@ from time import process_time
 
 
 def attitude():
-    from procedures.attitude.trace import trace  # memory is that of one kind: nothing of another is loaded
     from proving.truth.attitude import D1, simulate
     from proving.truth.attitude_hidden import CLEAN, sized, together
+    from rig.procedures.attitude.trace import trace  # memory is that of one kind: nothing of another is loaded
 
     plan = D1(180, 37, 13)
     two = together([sized("pads", 2, plan), sized("cube", 2, plan)])
@@ -32,10 +32,10 @@ def attitude():
 
 def tables():
     """1,000 rows of six columns."""
-    from procedures.general.column_roles import Roles, roles_of
-    from procedures.general.trace import trace_general
-    from procedures.table import Table
     from proving.truth.table import MISSING, Lab, options, simulate
+    from rig.procedures.general.column_roles import Roles, roles_of
+    from rig.procedures.general.trace import trace_general
+    from rig.procedures.tables.table import Table
 
     lab = Lab(1000, 4, clock=True)
     for name, effect in (("nothing missing", None), ("temperature", MISSING["temperature"].at(1.0))):
@@ -55,8 +55,8 @@ def seven_transducers():
 
 def whole_plots():
     """220 readings; the least of three."""
-    from procedures.pressure.trace import trace_whole_plots
     from proving.truth.whole_plot import CUBIC, GROWING, Bench, Run, Transducer, simulate
+    from rig.procedures.pressure.trace import trace_whole_plots
 
     seven = seven_transducers()
     for label, bench in (

@@ -12,7 +12,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from procedures.run_list import Factor, Point, RunList
+from rig.procedures.plan.run_list import Factor, Point, RunList
 from rig.run_file.chain import Record, encode
 from rig.run_file.creation import Genesis, create
 from rig.run_file.writer import RunWriter

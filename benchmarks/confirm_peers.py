@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.confirm.points import Choice, Points
+from rig.fitter.arrays import FloatArray
+from rig.fitter.confirm.points import Choice, Points
 
 
 @dataclass(frozen=True, eq=False)

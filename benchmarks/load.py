@@ -33,14 +33,14 @@ from typing import Any
 from benchmarks.load_bench import BODY, Head, ideal, planned
 from benchmarks.load_journal import JournalTimes, Turns, compared
 from benchmarks.scratch import RUNS
-from procedures.run_list import Factor, Point, RunList
-from rig.controller import Result, Site, resume_run, start_run
 from rig.engine.session import Outcome, Progress, Signals
-from rig.plans import Plan
+from rig.procedures.plan.run_list import Factor, Point, RunList
 from rig.run_file.chain import Record
 from rig.run_file.creation import Genesis, create
 from rig.run_file.unsynced import unsynced
 from rig.run_file.writer import RunWriter
+from rig.runs.controller import Result, Site, resume_run, start_run
+from rig.runs.plans import Plan
 
 ROOT = Path(__file__).parent.parent
 WINDOW = 10_000

@@ -13,10 +13,10 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests" / "support"))
 
 import ideal_bench
 
-from rig.bench import Bench
-from rig.plans import Plan, plan_of
+from rig.instruments.opening import Bench
 from rig.run_file.chain import encode
-from sims.world import World
+from rig.runs.plans import Plan, plan_of
+from rig.sims.world import World
 
 SENSORS = ("s1", "s2", "s3", "s4", "s5", "s6", "s7")
 CELLS = 1000

@@ -6,20 +6,20 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from fitter.linear import orthonormal
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.trace import trace
-from procedures.attitude.trace.pose import pose
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import search_table
-from procedures.general.trace.estimate import estimate
-from procedures.general.trace.run import problem_of
-from procedures.table import Table
 from proving.truth.attitude import D1, told_the_truth
 from proving.truth.attitude import simulate as simulate_night
 from proving.truth.attitude_hidden import CLEAN, HIDDEN, sized, together
 from proving.truth.table import MISSING, Lab, options
 from proving.truth.table import simulate as simulate_table
+from rig.fitter.linear import orthonormal
+from rig.procedures.attitude.effects import CATALOGUE
+from rig.procedures.attitude.trace import trace
+from rig.procedures.attitude.trace.pose import pose
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import search_table
+from rig.procedures.general.trace.estimate import estimate
+from rig.procedures.general.trace.run import problem_of
+from rig.procedures.tables.table import Table
 
 GRID = D1(180, 25, 13)
 INDISTINCT = 9.0

@@ -119,10 +119,10 @@ def _bluesky(folder: Path) -> Pair:
 @ratio("exchange", "one query of the ESP301 through driver, wire and twin / the twin alone")
 def _exchange(_: Path) -> Pair:
     from benchmarks.bench_exchange import BENCH, TWINS
-    from drivers.newport_esp301 import NewportESP301
-    from drivers.wires import Wires
-    from sims.bench import SimBench
-    from sims.world import World
+    from rig.drivers.newport_esp301 import NewportESP301
+    from rig.drivers.wires import Wires
+    from rig.sims.bench import SimBench
+    from rig.sims.world import World
 
     world = World()
     sim = SimBench(world, BENCH, {}, "bench", TWINS)
@@ -152,7 +152,7 @@ def _night(_: Path) -> Pair:
 
 @ratio("fit", "fit of 2,886 points from angles / numpy.linalg.lstsq of its columns", rounds=31)
 def _fit(_: Path) -> Pair:
-    from procedures.attitude.model import attitude_columns, attitude_parameters, fit_columns
+    from rig.procedures.attitude.model import attitude_columns, attitude_parameters, fit_columns
 
     data = night_data()
     columns, y = attitude_columns(data.pitch_deg, data.roll_deg), data.outputs["x_V"]
@@ -166,7 +166,7 @@ def _fit(_: Path) -> Pair:
 
 @ratio("table-2", "Table 2 of 2,886 points in 6 replications / numpy.linalg.lstsq of 24 columns", rounds=31)
 def _table_2(_: Path) -> Pair:
-    from procedures.attitude.fit import fit_attitude
+    from rig.procedures.attitude.fit import fit_attitude
 
     data = night_data()
     return Pair(lambda: fit_attitude(data, "x_V"), yardstick())
@@ -175,7 +175,7 @@ def _table_2(_: Path) -> Pair:
 @ratio("reml-flat", "REML of 220 points in 20 whole plots / numpy.linalg.lstsq of its 10 columns", rounds=101)
 def _reml_flat(_: Path) -> Pair:
     from benchmarks.bench_reml import NAMES, WHOLE_PLOT, columns, responses
-    from fitter.split_plot import SplitPlotDesign
+    from rig.fitter.split_plot import SplitPlotDesign
 
     x, y = columns(), responses(1, 10.0)[:, 0].copy()
     design = SplitPlotDesign(x, WHOLE_PLOT, NAMES)
@@ -185,7 +185,7 @@ def _reml_flat(_: Path) -> Pair:
 @ratio("reml-nested", "REML of 660 points in 60 whole plots in 3 replications / numpy.linalg.lstsq", rounds=31)
 def _reml_nested(_: Path) -> Pair:
     from benchmarks.bench_reml import NAMES, columns, responses
-    from fitter.split_plot import SplitPlotDesign
+    from rig.fitter.split_plot import SplitPlotDesign
 
     x = np.vstack([columns()] * 3)
     y = np.concatenate(responses(3, 10.0).T) + np.repeat([0.1, -0.4, 0.2], 220)
@@ -195,8 +195,8 @@ def _reml_nested(_: Path) -> Pair:
 
 @ratio("inference", "angles with sd, intervals and flags of 200,000 readings / their arcsin and arctan2 in numpy")
 def _inference(_: Path) -> Pair:
-    from procedures.attitude.infer import calibrate_package, infer_attitude
     from proving.truth.attitude import D1, Bench, simulate, volts
+    from rig.procedures.attitude.infer import calibrate_package, infer_attitude
 
     calibration = calibrate_package(simulate(Bench(), D1(180, 19, 13), 0)[0])
     rng = np.random.default_rng(1)
@@ -219,8 +219,8 @@ def _inference(_: Path) -> Pair:
 def _inference_of_a_curve(folder: Path) -> Pair:
     import csv
 
-    from rig.results.inferred import infer
     from rig.tables.csv_files import write_csv
+    from rig.verbs.infer.result import infer
 
     calibration, readings, out = (folder / name for name in ("calibration.json", "readings.csv", "inferred.csv"))
     rng = np.random.default_rng(5)
@@ -251,7 +251,7 @@ def _inference_of_a_curve(folder: Path) -> Pair:
     "trace-attitude", "trace of 2,886 points of three sensors with two effects / numpy.linalg.lstsq of 24 columns", 3
 )
 def _trace(_: Path) -> Pair:
-    from procedures.attitude.trace import trace
+    from rig.procedures.attitude.trace import trace
 
     data, look = night_data(), yardstick()
     return Pair(lambda: trace(data), lambda: [look() for _ in range(100)], (1, 100))
@@ -260,8 +260,8 @@ def _trace(_: Path) -> Pair:
 @ratio("trace-pressure", "trace of 220 readings of seven transducers with a cubic each / numpy.linalg.lstsq", 3)
 def _trace_pressure(_: Path) -> Pair:
     from benchmarks.bench_trace import seven_transducers
-    from procedures.pressure.trace import trace_whole_plots
     from proving.truth.whole_plot import CUBIC, GROWING, Bench, Run, simulate
+    from rig.procedures.pressure.trace import trace_whole_plots
 
     bench = Bench(tuple(replace(one, cubic=CUBIC) for one in seven_transducers()), GROWING)
     data, look = simulate(bench, Run(), 1), yardstick(220, 10)
@@ -270,10 +270,10 @@ def _trace_pressure(_: Path) -> Pair:
 
 @ratio("trace-table", "trace of 4,800 rows of seven columns with a drift / numpy.linalg.lstsq of 24 columns", 3)
 def _trace_table(_: Path) -> Pair:
-    from procedures.general.column_roles import Roles, roles_of
-    from procedures.general.trace import trace_general
-    from procedures.table import Table
     from proving.truth.table import MISSING, Lab, options, simulate
+    from rig.procedures.general.column_roles import Roles, roles_of
+    from rig.procedures.general.trace import trace_general
+    from rig.procedures.tables.table import Table
 
     lab = Lab(4800, 4, clock=True)
     columns = simulate(lab, 1, MISSING["drift"].at(1.0))

@@ -15,12 +15,12 @@ from cantools.database.can import Database, Message
 from cantools.database.errors import DecodeError, Error
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from drivers.clock import Clock
-from drivers.dbc import Series, Values, find_signal, frame_name, read_dbc
-from drivers.driver import ContractFile, Medium
-from drivers.errors import BadReply, LimitError, NoReply, NotReady, WrongInstrument
-from drivers.roles import Identity
-from drivers.wires import Wires
+from rig.drivers.clock import Clock
+from rig.drivers.dbc import Series, Values, find_signal, frame_name, read_dbc
+from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.errors import BadReply, LimitError, NoReply, NotReady, WrongInstrument
+from rig.drivers.roles import Identity
+from rig.drivers.wires import Wires
 
 _CHANNELS = {
     "sensor_temperature": "Readings.SensorTemperature",
@@ -41,7 +41,7 @@ _SESSIONS, _MOST_SWEEPS = 15, 65_535
 
 
 class CanDaq:
-    """The unit; satisfies `drivers.roles.Reader`.
+    """The unit; satisfies `rig.drivers.roles.Reader`.
 
     Args:
         name: the bench's name for it.
@@ -58,7 +58,7 @@ class CanDaq:
     """
 
     wire: ClassVar[Medium] = "can"
-    contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("dbc", "contracts", "can_daq.dbc"),)
+    contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("dbc", "rig.contracts", "can_daq.dbc"),)
 
     class Options(BaseModel, extra="forbid"):
         """Options of this instrument in the bench file."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from operator import eq
 from typing import ClassVar
 
-from drivers.cia402_settings import (
+from rig.drivers.cia402_settings import (
     ERROR_CODE,
     VELOCITY,
     CiA402Options,
@@ -22,14 +22,14 @@ from drivers.cia402_settings import (
     meanings_of,
     settings_of,
 )
-from drivers.cia402_words import error_text, state_of
-from drivers.clock import Clock
-from drivers.driver import ContractFile, Medium
-from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
-from drivers.kept import not_kept
-from drivers.roles import AxisState, Identity
-from drivers.wires import Wires
-from drivers.wires.can_node import CanNode, read_eds
+from rig.drivers.cia402_words import error_text, state_of
+from rig.drivers.clock import Clock
+from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
+from rig.drivers.kept import not_kept
+from rig.drivers.roles import AxisState, Identity
+from rig.drivers.wires import Wires
+from rig.drivers.wires.can_node import CanNode, read_eds
 
 CONTROLWORD, STATUSWORD = 0x6040, 0x6041
 MODE, MODE_DISPLAY, PROFILE_POSITION, HOMING = 0x6060, 0x6061, 1, 6
@@ -77,7 +77,7 @@ class _Axis:
 
 
 class CiA402Pair:
-    """The head's two drives; satisfies `drivers.roles.Head`, `Remarking` and `SelfChecking`.
+    """The head's two drives; satisfies `rig.drivers.roles.Head`, `Remarking` and `SelfChecking`.
 
     Args:
         name: the bench's name for it.
@@ -92,7 +92,7 @@ class CiA402Pair:
     """
 
     wire: ClassVar[Medium] = "can"
-    contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("eds", "contracts", "cia402_drive.eds"),)
+    contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("eds", "rig.contracts", "cia402_drive.eds"),)
 
     Options = CiA402Options
 

@@ -12,9 +12,9 @@ from typing import Literal
 from canopen.objectdictionary import ObjectDictionary
 from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
 
-from drivers.cia402_units import Quantity, Unit, parse_unit, told_unit
-from drivers.errors import BadReply, InstrumentError
-from drivers.wires.can_node import CanNode, has_object, read_eds
+from rig.drivers.cia402_units import Quantity, Unit, parse_unit, told_unit
+from rig.drivers.errors import BadReply, InstrumentError
+from rig.drivers.wires.can_node import CanNode, has_object, read_eds
 
 FOLLOWING, WINDOW, WINDOW_TIME, VELOCITY, SOFTWARE_LIMITS = 0x6065, 0x6067, 0x6068, 0x606C, 0x607D
 SPEED, ACCELERATION, DECELERATION, QUICK_STOP = 0x6081, 0x6083, 0x6084, 0x6085

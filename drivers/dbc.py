@@ -9,7 +9,7 @@ from cantools.database import load_string
 from cantools.database.can import Database, Message, Signal
 from cantools.database.errors import Error
 
-from drivers.roles import OVERLOAD
+from rig.drivers.roles import OVERLOAD
 
 Values = Mapping[str, float]
 """Values of a frame's signals."""

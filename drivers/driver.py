@@ -1,7 +1,7 @@
 """Drivers: what the controller requires of a driver's class.
 
 A driver is found by its name in entry-point group `rig.drivers` of `pyproject.toml`, its twin in `rig.twins`. It
-satisfies one or more protocols of `drivers.roles`; further properties are attributes of its class.
+satisfies one or more protocols of `rig.drivers.roles`; further properties are attributes of its class.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 from pydantic import BaseModel
 
-from drivers.clock import Clock
-from drivers.roles import Instrument
-from drivers.wires import Wires
+from rig.drivers.clock import Clock
+from rig.drivers.roles import Instrument
+from rig.drivers.wires import Wires
 
 Medium = Literal["serial", "modbus", "can", "none"]
-"""Kind of wire, "none" for a person; it determines the valid addresses of an instrument (`drivers.wires.addresses`)."""
+"""Kind of wire, "none" for a person. It determines which addresses are valid (`rig.drivers.wires.addresses`)."""
 
 
 class ContractFile(NamedTuple):

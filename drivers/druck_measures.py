@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from drivers.druck_options import PaceOptions
-from drivers.druck_ranges import PASCALS, full_scale_psi, reference_of
-from drivers.druck_scpi import PaceScpi
-from drivers.errors import BadReply
+from rig.drivers.druck_options import PaceOptions
+from rig.drivers.druck_ranges import PASCALS, full_scale_psi, reference_of
+from rig.drivers.druck_scpi import PaceScpi
+from rig.drivers.errors import BadReply
 
 _ATMOSPHERE_PSI = (6.5, 16.5)  # from the highest towns to the deepest mines
 _BELOW_VACUUM_PSI = -0.5  # no zero error of a sensor is as large

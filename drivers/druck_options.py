@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from drivers.wires import SerialOptions
+from rig.drivers.wires import SerialOptions
 
 Positive = Annotated[float, Field(gt=0)]
 

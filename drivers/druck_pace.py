@@ -1,7 +1,7 @@
 """Druck PACE5000 and PACE6000 pressure controllers, on serial or TCP (`socket://host:5025`).
 
-Commands are from the SCPI manual K0472, issue 1 and revision A. `drivers.druck_scpi` sends them, and
-`drivers.druck_measures` interprets the numbers.
+Commands are from the SCPI manual K0472, issue 1 and revision A. `rig.drivers.druck_scpi` sends them, and
+`rig.drivers.druck_measures` interprets the numbers.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from drivers.clock import Clock
-from drivers.driver import ContractFile, Medium
-from drivers.druck_measures import Measures, Scale
-from drivers.druck_options import PaceOptions
-from drivers.druck_scpi import SYNC, PaceScpi
-from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
-from drivers.kept import not_kept
-from drivers.numbers import decimal
-from drivers.roles import Identity, PressureState
-from drivers.scpi import PREPARED
-from drivers.wires import SerialSettings, Wires
+from rig.drivers.clock import Clock
+from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.druck_measures import Measures, Scale
+from rig.drivers.druck_options import PaceOptions
+from rig.drivers.druck_scpi import SYNC, PaceScpi
+from rig.drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
+from rig.drivers.kept import not_kept
+from rig.drivers.numbers import decimal
+from rig.drivers.roles import Identity, PressureState
+from rig.drivers.scpi import PREPARED
+from rig.drivers.wires import SerialSettings, Wires
 
 _READBACK = 1e-5
 _PRESSURE_READBACK_PSI = 2e-5
@@ -32,7 +32,7 @@ _POLL_S = 1.0
 
 
 class DruckPACE:
-    """One control module of the controller; satisfies `drivers.roles.PressureController`, `Restartable` and
+    """One control module of the controller; satisfies `rig.drivers.roles.PressureController`, `Restartable` and
     `SelfChecking`.
 
     Args:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from drivers.errors import BadReply, DriverError, InstrumentError
-from drivers.numbers import decimal
-from drivers.scpi import raise_errors
-from drivers.wires import SerialLine
+from rig.drivers.errors import BadReply, DriverError, InstrumentError
+from rig.drivers.numbers import decimal
+from rig.drivers.scpi import raise_errors
+from rig.drivers.wires import SerialLine
 
 _MOST_ERRORS = 5
 SYNC = (":SYST:VERS?", ":SYST:VERS ")

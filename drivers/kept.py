@@ -1,4 +1,4 @@
-"""Whether settings are as they were set: what `drivers.roles.SelfChecking` asks, whatever the instrument's language."""
+"""Whether settings are as they were set: the question of `rig.drivers.roles.SelfChecking`, in any language."""
 
 from __future__ import annotations
 

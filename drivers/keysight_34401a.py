@@ -12,16 +12,16 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from drivers.clock import Clock
-from drivers.driver import ContractFile, Medium
-from drivers.scpi import SYNC, Interface, Nplc, ScpiMeter, hp_dialect, one_of, settling_s
-from drivers.wires import SerialOptions, SerialSettings, Wires
+from rig.drivers.clock import Clock
+from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.scpi import SYNC, Interface, Nplc, ScpiMeter, hp_dialect, one_of, settling_s
+from rig.drivers.wires import SerialOptions, SerialSettings, Wires
 
 _MEMORY = 512
 
 
 class Keysight34401A(ScpiMeter):
-    """The voltmeter; satisfies `drivers.roles.Reader` with one channel, "input".
+    """The voltmeter; satisfies `rig.drivers.roles.Reader` with one channel, "input".
 
     Args:
         name: the bench's name for it.

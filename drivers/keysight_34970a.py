@@ -11,13 +11,13 @@ from typing import Annotated, ClassVar, Literal, Self, get_args
 
 from pydantic import AfterValidator, Field, model_validator
 
-from drivers.clock import Clock
-from drivers.driver import ContractFile, Medium
-from drivers.errors import BadReply
-from drivers.numbers import decimal
-from drivers.scpi import FREQUENCIES, SYNC, Interface, ScpiMeter, hp_dialect, one_of, settling_s
-from drivers.wires import SerialOptions, SerialSettings, Wires
-from drivers.wires.serial_options import FLOW, Flow
+from rig.drivers.clock import Clock
+from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.errors import BadReply
+from rig.drivers.numbers import decimal
+from rig.drivers.scpi import FREQUENCIES, SYNC, Interface, ScpiMeter, hp_dialect, one_of, settling_s
+from rig.drivers.wires import SerialOptions, SerialSettings, Wires
+from rig.drivers.wires.serial_options import FLOW, Flow
 
 Thermometer = Literal[
     "thermistor-2.2k",
@@ -54,7 +54,7 @@ VoltsRange = Annotated[float, AfterValidator(one_of(0.1, 1, 10, 100))]
 
 
 class Keysight34970A(ScpiMeter):
-    """The scanner; satisfies `drivers.roles.Reader`.
+    """The scanner; satisfies `rig.drivers.roles.Reader`.
 
     Args:
         name: the bench's name for it.

@@ -17,13 +17,13 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from drivers.clock import Clock
-from drivers.driver import ContractFile, Medium
-from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
-from drivers.numbers import decimal
-from drivers.roles import AxisState, Identity
-from drivers.wires import SerialOptions, SerialSettings, Wires
-from drivers.wires.serial_options import LINE_END, LineEnd
+from rig.drivers.clock import Clock
+from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
+from rig.drivers.numbers import decimal
+from rig.drivers.roles import AxisState, Identity
+from rig.drivers.wires import SerialOptions, SerialSettings, Wires
+from rig.drivers.wires.serial_options import LINE_END, LineEnd
 
 Axis = Literal["pitch", "roll"]
 
@@ -40,7 +40,7 @@ _MOST_ERRORS = 10  # the controller keeps ten errors
 
 
 class NewportESP301:
-    """The head's two axes behind one controller; satisfies `drivers.roles.Head` and `SelfChecking`.
+    """The head's two axes behind one controller; satisfies `rig.drivers.roles.Head` and `SelfChecking`.
 
     Args:
         name: the bench's name for it.

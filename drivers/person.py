@@ -10,15 +10,15 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from drivers.clock import Clock
-from drivers.driver import ContractFile, Medium
-from drivers.errors import NotReady
-from drivers.roles import Identity
-from drivers.wires import Wires
+from rig.drivers.clock import Clock
+from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.errors import NotReady
+from rig.drivers.roles import Identity
+from rig.drivers.wires import Wires
 
 
 class Person:
-    """Somebody at the bench; satisfies `drivers.roles.ByHand`, and `Reader` and `WithUnits` by what was typed.
+    """Somebody at the bench; satisfies `rig.drivers.roles.ByHand`, and `Reader` and `WithUnits` by what was typed.
 
     Args:
         name: the bench's name, such as "operator".

@@ -14,12 +14,12 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator
 
-from drivers.clock import Clock
-from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
-from drivers.kept import not_kept
-from drivers.numbers import decimal, whole
-from drivers.roles import Identity
-from drivers.wires import SerialLine
+from rig.drivers.clock import Clock
+from rig.drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
+from rig.drivers.kept import not_kept
+from rig.drivers.numbers import decimal, whole
+from rig.drivers.roles import Identity
+from rig.drivers.wires import SerialLine
 
 SYNC = ("SYST:VERS?", "19")
 """A question that is only used for synchronisation; the answer is the year of the standard and a revision: 1991.0."""
@@ -104,7 +104,7 @@ def hp_dialect(interface: Interface, *, clear_with_dtr: bool = False) -> Dialect
 class ScpiMeter(ABC):
     """A meter that is started with INITiate and asked for its readings with FETCh?, or as in its dialect.
 
-    It satisfies `drivers.roles.Restartable` and `SelfChecking`.
+    It satisfies `rig.drivers.roles.Restartable` and `SelfChecking`.
 
     Args:
         line: its open line.

@@ -11,15 +11,15 @@ import re
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-from drivers.clock import Clock
-from drivers.errors import BadReply, DriverError, InstrumentError, NoReply, WrongInstrument
-from drivers.kept import not_kept
-from drivers.numbers import decimal, whole
-from drivers.roles import Identity
-from drivers.scpi import PREPARED, agrees, raise_errors
-from drivers.scpi_learned import is_unit, same_unit, unit_after
-from drivers.scpi_options import ScpiOptions
-from drivers.wires import SerialLine, SerialSettings, Wires
+from rig.drivers.clock import Clock
+from rig.drivers.errors import BadReply, DriverError, InstrumentError, NoReply, WrongInstrument
+from rig.drivers.kept import not_kept
+from rig.drivers.numbers import decimal, whole
+from rig.drivers.roles import Identity
+from rig.drivers.scpi import PREPARED, agrees, raise_errors
+from rig.drivers.scpi_learned import is_unit, same_unit, unit_after
+from rig.drivers.scpi_options import ScpiOptions
+from rig.drivers.wires import SerialLine, SerialSettings, Wires
 
 Value = TypeVar("Value")
 

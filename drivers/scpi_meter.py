@@ -4,7 +4,7 @@ Options: docs/how_to/scpi.md; an example: `examples/voltmeter-lab/bench.toml`. H
 `drivers/__init__.py`.
 
 It is started and fetched as the bench file says. Readings are recognised by a number in the service request mask where
-the instrument allows that, as in `drivers.scpi`.
+the instrument allows that, as in `rig.drivers.scpi`.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field
 
-from drivers.clock import Clock
-from drivers.driver import ContractFile, Medium
-from drivers.errors import BadReply, DriverError, LimitError, NotReady
-from drivers.numbers import whole
-from drivers.roles import OVERLOAD, Identity, is_overload
-from drivers.scpi_described import DescribedScpi
-from drivers.scpi_learned import PrintedForm
-from drivers.scpi_options import Command, Question, ScpiOptions, filled
-from drivers.wires import Wires
+from rig.drivers.clock import Clock
+from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.errors import BadReply, DriverError, LimitError, NotReady
+from rig.drivers.numbers import whole
+from rig.drivers.roles import OVERLOAD, Identity, is_overload
+from rig.drivers.scpi_described import DescribedScpi
+from rig.drivers.scpi_learned import PrintedForm
+from rig.drivers.scpi_options import Command, Question, ScpiOptions, filled
+from rig.drivers.wires import Wires
 
 _INPUT = "input"
 _LATE_S = 2.0
@@ -31,7 +31,7 @@ _MARKS = 31
 
 
 class DescribedMeter:
-    """The meter; satisfies `drivers.roles.Reader`, `WithUnits`, `Restartable`, `SelfChecking` and `Learning`.
+    """The meter; satisfies `rig.drivers.roles.Reader`, `WithUnits`, `Restartable`, `SelfChecking` and `Learning`.
 
     It has one channel, "input".
 

@@ -13,20 +13,20 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from drivers.clock import Clock
-from drivers.driver import ContractFile, Medium
-from drivers.errors import BadReply, DriverError, LimitError, NotReady
-from drivers.roles import Identity, SourceState
-from drivers.scpi_described import DescribedScpi
-from drivers.scpi_options import Command, Question, ScpiOptions, filled
-from drivers.wires import Wires
+from rig.drivers.clock import Clock
+from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.errors import BadReply, DriverError, LimitError, NotReady
+from rig.drivers.roles import Identity, SourceState
+from rig.drivers.scpi_described import DescribedScpi
+from rig.drivers.scpi_options import Command, Question, ScpiOptions, filled
+from rig.drivers.wires import Wires
 
 _ON = {"1", "ON"}
 _OFF = {"0", "OFF"}
 
 
 class DescribedSource:
-    """The source; satisfies `drivers.roles.Source`, `Restartable` and `SelfChecking`.
+    """The source; satisfies `rig.drivers.roles.Source`, `Restartable` and `SelfChecking`.
 
     Args:
         name: the bench's name for it.

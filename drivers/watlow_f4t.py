@@ -1,7 +1,7 @@
 """Watlow F4T temperature controller: a chamber's or an enclosure's control loop over Modbus.
 
 The register map of `contracts/` defines the registers and their codes; the controller program passes it as text.
-`drivers.watlow_units` handles temperatures and their unit.
+`rig.drivers.watlow_units` handles temperatures and their unit.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import ClassVar, Literal
 
 from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_validator, model_validator
 
-from drivers.clock import Clock
-from drivers.driver import ContractFile, Medium
-from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
-from drivers.roles import ChamberState, Identity
-from drivers.watlow_map import map_of
-from drivers.watlow_units import ILLEGAL_ADDRESS, MappedTemperatures, celsius
-from drivers.wires import Wires
+from rig.drivers.clock import Clock
+from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
+from rig.drivers.roles import ChamberState, Identity
+from rig.drivers.watlow_map import map_of
+from rig.drivers.watlow_units import ILLEGAL_ADDRESS, MappedTemperatures, celsius
+from rig.drivers.wires import Wires
 
 _NO_ALARM = ("startup", "none", "blocked")
 _PROFILES = ("running", "paused")
@@ -37,7 +37,7 @@ _NEEDED = (
 
 
 class WatlowF4T(MappedTemperatures):
-    """One control loop of the controller, or one cascade of two; satisfies `drivers.roles.Chamber` and
+    """One control loop of the controller, or one cascade of two; satisfies `rig.drivers.roles.Chamber` and
     `SelfChecking`.
 
     It has no known sign of a power cut: settings and setpoint survive it.
@@ -54,7 +54,7 @@ class WatlowF4T(MappedTemperatures):
     """
 
     wire: ClassVar[Medium] = "modbus"
-    contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("register_map", "contracts", "watlow_f4t.toml"),)
+    contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("register_map", "rig.contracts", "watlow_f4t.toml"),)
 
     class Options(BaseModel, extra="forbid"):
         """Options of this instrument in the bench file."""

@@ -11,9 +11,9 @@ from typing import Literal, Self
 
 from pydantic import BaseModel, Field, model_validator
 
-from drivers.errors import BadReply
-from drivers.kept import not_kept
-from drivers.wires.modbus import ModbusLine, float_of_words, in_other_order, words_of_float
+from rig.drivers.errors import BadReply
+from rig.drivers.kept import not_kept
+from rig.drivers.wires.modbus import ModbusLine, float_of_words, in_other_order, words_of_float
 
 _READBACK = 1e-5  # relative; a setpoint is stored in single precision
 _WORDS = {"uint16": 1, "int32": 2, "float32": 2}

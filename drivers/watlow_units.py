@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from drivers.errors import BadReply, InstrumentError
-from drivers.watlow_map import MappedDevice, RegisterMap
-from drivers.wires.modbus import ModbusLine
+from rig.drivers.errors import BadReply, InstrumentError
+from rig.drivers.watlow_map import MappedDevice, RegisterMap
+from rig.drivers.wires.modbus import ModbusLine
 
 ILLEGAL_ADDRESS = 2
 """Modbus exception: the controller has no such register."""

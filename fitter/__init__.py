@@ -4,7 +4,7 @@ Pure functions: arrays in, frozen dataclasses out. No files, no clocks, no instr
 is in that kind's folder (`procedures`).
 """
 
-from fitter import lean_scipy  # noqa: F401 - before anything else imports SciPy
-from fitter.linear import LinearFit, RankError, Triangle, least_squares
+from rig.fitter import lean_scipy  # noqa: F401 - before anything else imports SciPy
+from rig.fitter.linear import LinearFit, RankError, Triangle, least_squares
 
 __all__ = ["LinearFit", "RankError", "Triangle", "least_squares"]

@@ -1,4 +1,4 @@
-"""Arithmetic of named values, for formulas and a laboratory's own effects. Its grammar is in `fitter.formula`.
+"""Arithmetic of named values, for formulas and a laboratory's own effects. Its grammar is in `rig.fitter.formula`.
 
 The operations take arrays of floats, `DoubleDouble` numbers, and complex arrays with a tiny imaginary step: their
 imaginary part is the step times the derivative (Squire and Trapp, SIAM Review 40, 1998).

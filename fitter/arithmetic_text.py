@@ -1,4 +1,4 @@
-"""Parsing the text of arithmetic into an `Expression`. The grammar is described in `fitter.formula`."""
+"""Parsing the text of arithmetic into an `Expression`. The grammar is described in `rig.fitter.formula`."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import math
 import re
 from dataclasses import dataclass
 
-from fitter.arithmetic import COMPARISONS, FUNCTIONS, NAME, Expression
-from fitter.errors import FitError
+from rig.fitter.arithmetic import COMPARISONS, FUNCTIONS, NAME, Expression
+from rig.fitter.errors import FitError
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
 
 
 def finite(name: str, values: ArrayLike, count: int) -> FloatArray:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 _SPLITTER = 134217729.0  # 2^27 + 1: splits the 53 bits of a double
 _HIGHEST_POWER = 64

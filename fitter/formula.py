@@ -30,11 +30,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arithmetic_text import FormulaError
-from fitter.arrays import FloatArray
-from fitter.double_double import DoubleDouble
-from fitter.errors import FitError
-from fitter.formula_text import Category, Numeric, Term, parse_terms
+from rig.fitter.arithmetic_text import FormulaError
+from rig.fitter.arrays import FloatArray
+from rig.fitter.double_double import DoubleDouble
+from rig.fitter.errors import FitError
+from rig.fitter.formula_text import Category, Numeric, Term, parse_terms
 
 __all__ = ["Formula", "FormulaError", "RowError", "Term"]
 
@@ -106,11 +106,11 @@ class Formula:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the coefficients of a model without categories; see `fitter.nonlinear.Curve`, which a formula is."""
+        """Names of the coefficients of a model without categories. A formula is a `rig.fitter.nonlinear.Curve`."""
         return tuple(map(str, self.terms))
 
     def at(self, b: Sequence[Any], table: Mapping[str, Any]) -> Any:
-        """(n,) values of a model without categories; see `fitter.nonlinear.Curve`."""
+        """(n,) values of a model without categories; see `rig.fitter.nonlinear.Curve`."""
         total: Any = np.zeros(_count(self.names, table))
         with np.errstate(all="ignore"):
             for coefficient, term in zip(b, self.terms, strict=True):

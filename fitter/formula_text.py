@@ -1,4 +1,4 @@
-"""Parsing the text of a formula into its terms. The grammar is described in `fitter.formula`."""
+"""Parsing the text of a formula into its terms. The grammar is described in `rig.fitter.formula`."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import re
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from fitter.arithmetic import COMPARISONS, FUNCTIONS, Expression, quoted
-from fitter.arithmetic_text import Arithmetic, FormulaError
+from rig.fitter.arithmetic import COMPARISONS, FUNCTIONS, Expression, quoted
+from rig.fitter.arithmetic_text import Arithmetic, FormulaError
 
 _WHOLE = re.compile(r"[0-9]{1,2}")
 _MOST_TERMS, _HIGHEST = 400, 20

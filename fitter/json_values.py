@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import SupportsFloat
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 JsonValue = float | int | str | None | list["JsonValue"] | dict[str, "JsonValue"]
 

@@ -2,7 +2,7 @@
 
 Columns are scaled to unit length and [X y] is reduced to a triangle, in blocks of rows if necessary. The normal
 equations, which square the condition number, are never formed. If columns are so nearly dependent that rounding would
-still cost digits, the solution of all rows at once is refined (`fitter.refine`); a solution from blocks is not.
+still cost digits, the solution of all rows at once is refined (`rig.fitter.refine`); a solution from blocks is not.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dgeqp3, dorgqr, dtrtri
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.quantiles import t_limit
-from fitter.refine import refine
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.quantiles import t_limit
+from rig.fitter.refine import refine
 
 FEWEST = 32
 """Minimum number of rows assumed for rounding errors: columns have some of their own."""
@@ -77,7 +77,7 @@ class LinearFit:
     def sigma(self) -> float:
         """Standard error of one observation, in units of y; NaN without degrees of freedom.
 
-        It is `sigma_E` of tables of any kind; that of attitude runs is in `fitter.replication.analyse`.
+        It is `sigma_E` of tables of any kind; that of attitude runs is in `rig.fitter.replication.analyse`.
         """
         return float(np.sqrt(self.rss / self.df)) if self.df > 0 else float("nan")
 

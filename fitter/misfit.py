@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import LinearFit
-from fitter.replication import Replication
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import LinearFit
+from rig.fitter.replication import Replication
 
 
 def covered(*, replicated: bool) -> str:

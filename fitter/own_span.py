@@ -15,9 +15,9 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dgeqp3, dtrtri
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.sums_of_squares import off
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.sums_of_squares import off
 
 NO_GROUP = -1
 """Group of a row without a common level."""

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.double_double import DoubleDouble
+from rig.fitter.arrays import FloatArray
+from rig.fitter.double_double import DoubleDouble
 
 _PASSES = 3
 _NEAR = 1e-3

@@ -24,10 +24,10 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import CONDITION, LinearFit, RankError, Triangle, least_squares
-from fitter.own_span import NO_GROUP, Levels, OwnSpan, WithMore
-from fitter.sums_of_squares import NAN, FTest, off, ratio, within_points
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import CONDITION, LinearFit, RankError, Triangle, least_squares
+from rig.fitter.own_span import NO_GROUP, Levels, OwnSpan, WithMore
+from rig.fitter.sums_of_squares import NAN, FTest, off, ratio, within_points
 
 _DRIFTS = 0.05
 _WANDERS = 1e-3

@@ -14,7 +14,7 @@ from bisect import bisect_left
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 DECIMALS = range(-6, 16)
 LARGEST = 2.0**50

@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 from decimal import ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, ROUND_UP, Context, Decimal
 
-from fitter.errors import FitError
+from rig.fitter.errors import FitError
 
 DIGITS = 2
 MOST_LOSS = Decimal("0.05")

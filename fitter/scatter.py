@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.quantiles import t_tail
+from rig.fitter.arrays import FloatArray
+from rig.fitter.quantiles import t_tail
 
 FAMILY = 0.01
 """Probability that any column is named if the scatter is constant."""

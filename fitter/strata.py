@@ -23,9 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.sums_of_squares import FTest, off, own_parameters
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.sums_of_squares import FTest, off, own_parameters
 
 DIFFER = 0.05
 """Significance level for series and replications."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.quantiles import f_limit, f_tail
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.quantiles import f_limit, f_tail
 
 NAN = float("nan")
 AT_ONCE = 32

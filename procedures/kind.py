@@ -4,7 +4,7 @@ A kind is a folder (here, or a third party's) and an entry point of the group `r
 class made of `Kind` (docs/how_to/kinds.md):
 
     [project.entry-points."rig.kinds"]
-    pitch-roll = "procedures.attitude.kind:KIND"
+    pitch-roll = "rig.procedures.attitude.kind:KIND"
 
 Methods contain their imports: few commands need the fitter, and the others should not wait for it.
 """
@@ -16,31 +16,31 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, S
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from fitter.errors import FitError
-from procedures.errors import DataError
-from procedures.precision import Precision
-from procedures.results import Compared, Fitted, Options, Source, Traced
-from procedures.unused import Unused
+from rig.fitter.errors import FitError
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.results import Compared, Fitted, Options, Source, Traced
+from rig.procedures.plan.precision import Precision
+from rig.procedures.tables.unused import Unused
 
 if TYPE_CHECKING:  # they load what few commands need
     from pydantic import BaseModel
 
-    from fitter.arrays import FloatArray
-    from fitter.effects.entry import Entry
-    from fitter.effects.own import Grammar
-    from procedures.acceptance import Verdict
-    from procedures.advice import Advice
-    from procedures.budgeting import Evaluation, Expected
-    from procedures.charting import Charting
-    from procedures.conduct import Conduct
-    from procedures.confirming import Confirming
-    from procedures.expected import Columns, Expecting
-    from procedures.further_runs import Limits, Variation
-    from procedures.inference import Inference
-    from procedures.run_list import RunList
-    from procedures.seen import Seen
-    from procedures.settings import Acceptance, WarningSettings
-    from procedures.table import Reader, Table
+    from rig.fitter.arrays import FloatArray
+    from rig.fitter.effects.entry import Entry
+    from rig.fitter.effects.own import Grammar
+    from rig.procedures.evaluate.acceptance import Verdict
+    from rig.procedures.evaluate.budgeting import Evaluation, Expected
+    from rig.procedures.evaluate.charting import Charting
+    from rig.procedures.evaluate.confirming import Confirming
+    from rig.procedures.evaluate.inference import Inference
+    from rig.procedures.plan.advice import Advice
+    from rig.procedures.plan.conduct import Conduct
+    from rig.procedures.plan.expected import Columns, Expecting
+    from rig.procedures.plan.further_runs import Limits, Variation
+    from rig.procedures.plan.run_list import RunList
+    from rig.procedures.plan.settings import Acceptance, WarningSettings
+    from rig.procedures.tables.table import Reader, Table
+    from rig.procedures.tables.unknown_table import Seen
 
 
 class Procedure(Protocol):
@@ -249,7 +249,7 @@ class Kind(ABC):
             table: with corrected columns.
             options: as declared by this kind.
             at: points at which outputs and inferred quantities are given, by quantity; empty for those of this kind.
-            constants: of the place, by name, as in `procedures.stated.PlaceConstant`.
+            constants: of the place, by name, as in `rig.procedures.evaluate.stated.PlaceConstant`.
 
         Raises:
             DataError: there are no budgets, or a point or the table cannot be used.

@@ -7,12 +7,12 @@ from functools import cache
 from importlib.metadata import EntryPoint
 from typing import TYPE_CHECKING
 
-from procedures.entry_points import entry_points
-from procedures.errors import BrokenKind, DataError
-from procedures.kind import Kind, Procedure
+from rig.procedures.entry_points import entry_points
+from rig.procedures.errors import BrokenKind, DataError
+from rig.procedures.kind import Kind, Procedure
 
 if TYPE_CHECKING:
-    from procedures.table import Table
+    from rig.procedures.tables.table import Table
 
 GROUP = "rig.kinds"
 

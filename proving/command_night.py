@@ -137,9 +137,9 @@ class _Nights:
 
 def _read(bench: Path) -> dict[str, str]:
     """A bench file and the contract files that it names, by name. Raises `ConfigurationError`."""
-    from rig.bench_file import check_options  # noqa: PLC0415
-    from rig.config import read_text  # noqa: PLC0415
-    from rig.contract_files import read_bench  # noqa: PLC0415
+    from rig.bench.bench_file import check_options  # noqa: PLC0415
+    from rig.bench.config import read_text  # noqa: PLC0415
+    from rig.bench.contract_files import read_bench  # noqa: PLC0415
     from rig.simulated.dry_run import twin_classes  # noqa: PLC0415
 
     config, beside = read_bench(bench)

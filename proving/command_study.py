@@ -10,13 +10,13 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from rig.atomic import check_files, write_whole
 from rig.cli import app
 from rig.cli.options import JsonOption
 from rig.cli.progress import run_progress
 from rig.cli.show import err, mark, out, print_json
 from rig.engine.session import Progress
 from rig.errors import ExitCode, UsageError
+from rig.files.atomic import check_files, write_whole
 
 study_app = typer.Typer(
     no_args_is_help=True,

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from drivers.clock import RealClock
+from rig.drivers.clock import RealClock
 
 
 def main() -> int:

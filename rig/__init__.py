@@ -8,16 +8,16 @@ TYPE_CHECKING = False  # as in `typing`, which `rig --help` need not load
 if TYPE_CHECKING:
     from typing import Any
 
-    from procedures.errors import DataError
     from rig.errors import BenchFault, BusyError, ConfigurationError, RigError, RunFileError, StorageError, UsageError
-    from rig.results.budget import Budget, budget
-    from rig.results.charts import ControlChart, chart
-    from rig.results.data import Calibration, Data, Trace, open  # noqa: A004 - rig.open, like the built-in open
-    from rig.results.inferred import Inferred, infer
-    from rig.results.observations import Observations
-    from rig.results.planned import Plan, plan
-    from rig.results.result import Plots, Result
-    from rig.results.run import Run, run
+    from rig.procedures.errors import DataError
+    from rig.verbs.budget.result import Budget, budget
+    from rig.verbs.chart.result import ControlChart, chart
+    from rig.verbs.data.result import Calibration, Data, Trace, open  # noqa: A004 - rig.open, like the built-in open
+    from rig.verbs.infer.result import Inferred, infer
+    from rig.verbs.observations import Observations
+    from rig.verbs.plan.result import Plan, plan
+    from rig.verbs.result import Plots, Result
+    from rig.verbs.run.result import Run, run
 
 __all__ = [
     "BenchFault",
@@ -48,15 +48,15 @@ __all__ = [
 ]
 
 _WHERE = {
-    "rig.results.budget": ("Budget", "budget"),
-    "rig.results.charts": ("ControlChart", "chart"),
-    "rig.results.data": ("Calibration", "Data", "Trace", "open"),
-    "rig.results.inferred": ("Inferred", "infer"),
-    "rig.results.observations": ("Observations",),
-    "rig.results.planned": ("Plan", "plan"),
-    "rig.results.result": ("Plots", "Result"),
-    "rig.results.run": ("Run", "run"),
-    "procedures.errors": ("DataError",),
+    "rig.verbs.budget.result": ("Budget", "budget"),
+    "rig.verbs.chart.result": ("ControlChart", "chart"),
+    "rig.verbs.data.result": ("Calibration", "Data", "Trace", "open"),
+    "rig.verbs.infer.result": ("Inferred", "infer"),
+    "rig.verbs.observations": ("Observations",),
+    "rig.verbs.plan.result": ("Plan", "plan"),
+    "rig.verbs.result": ("Plots", "Result"),
+    "rig.verbs.run.result": ("Run", "run"),
+    "rig.procedures.errors": ("DataError",),
     "rig.errors": (
         "BenchFault",
         "BusyError",

@@ -1,6 +1,6 @@
 """Tails of distributions for what watches a run: `scipy.special` takes half a second to import, and few points need it.
 
-At a prompt nobody waits for it. Fits and traces have `fitter.quantiles`.
+At a prompt nobody waits for it. Fits and traces have `rig.fitter.quantiles`.
 """
 
 from __future__ import annotations

@@ -12,13 +12,13 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from fitter.effects.entry import Entry
-from fitter.effects.own import own_effects
-from fitter.errors import FitError
-from procedures.entry_points import entry_points
-from procedures.kinds import kinds
 from rig.errors import ConfigurationError
-from rig.regular import read_regular_text
+from rig.files.regular import read_regular_text
+from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.own import own_effects
+from rig.fitter.errors import FitError
+from rig.procedures.entry_points import entry_points
+from rig.procedures.kinds import kinds
 
 GROUP = "rig.effects"
 VARIABLE = "RIG_EFFECTS"

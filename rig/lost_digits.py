@@ -1,11 +1,11 @@
 """Whether a first digit was lost on its way: 2.5 for 12.5, 25 for 125. What is left looks right.
 
-A meter that prints all readings in one form cannot lose a digit unseen (`drivers.scpi_learned`). Of plain
+A meter that prints all readings in one form cannot lose a digit unseen (`rig.drivers.scpi_learned`). Of plain
 decimals nobody knows how many digits stand before the point. So a point is compared with the last one at the same
 setting: a quantity that has changed by a whole number in its first place, and is smaller than that place now,
 contradicts it. That may be a change of the quantity itself by chance, so the point is read again first.
 
-It follows from the last `rig.own_scatter.KEPT` accepted observations, so that a resumed run decides as if it had never
+It follows from the last `rig.run_file.own_scatter.KEPT` accepted observations, so that a resumed run decides as if it had never
 stopped.
 """
 
@@ -15,10 +15,10 @@ import math
 from collections import deque
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
-from procedures.column_names import spelled, unit_of
-from procedures.run_list import RunList
-from rig.own_scatter import KEPT, Contradiction
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.plan.run_list import RunList
 from rig.run_file.events.points import CONTRADICTORY, Observed
+from rig.run_file.own_scatter import KEPT, Contradiction
 
 _NEAR = 0.05
 """Part of the lost digit's place by which the difference of two readings may differ from a whole number of it."""

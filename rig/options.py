@@ -7,11 +7,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from procedures.kind import Kind
-from procedures.kinds import kinds
-from procedures.results import Options, Source
-from rig.closed_loop import known as known_kind
+from rig.by_kind import known as known_kind
 from rig.errors import UsageError
+from rig.procedures.evaluate.results import Options, Source
+from rig.procedures.kind import Kind
+from rig.procedures.kinds import kinds
 
 Choose = Callable[[Kind], type[Options]]
 """The options that a kind declares for a command."""

@@ -14,11 +14,11 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from procedures.kinds import kinds
-from rig.certificate.settings import CertificateSettings
-from rig.config import BenchConfig
-from rig.plugins import driver_class, installed
+from rig.bench.config import BenchConfig
+from rig.bench.plugins import driver_class, installed
+from rig.procedures.kinds import kinds
 from rig.register import Register
+from rig.verbs.certificate.settings import CertificateSettings
 
 _HEAD = """# Files
 

@@ -6,7 +6,7 @@ import platform
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 
-from rig.plugins import packages
+from rig.bench.plugins import packages
 
 
 def _version() -> str:

@@ -7,15 +7,15 @@ from math import isfinite
 from typing import Any
 from zlib import crc32
 
-from sims.faults import Faults, FaultyWire, read_faults
-from sims.physics import Plant, read_truth, sensor_axes
-from sims.physics.truth import FAULTS
-from sims.tape import Change, Readback, Reading, Tape
-from sims.twin import Changing, MakesTwins
-from sims.wires.can_line import CanCable
-from sims.wires.modbus_line import ModbusCable, ModbusEndpoint, registers_of
-from sims.wires.serial_line import SerialCable, register, unregister
-from sims.world import EPOCH_UTC, World
+from rig.sims.faults import Faults, FaultyWire, read_faults
+from rig.sims.physics import Plant, read_truth, sensor_axes
+from rig.sims.physics.truth import FAULTS
+from rig.sims.tape import Change, Readback, Reading, Tape
+from rig.sims.twin import Changing, MakesTwins
+from rig.sims.wires.can_line import CanCable
+from rig.sims.wires.modbus_line import ModbusCable, ModbusEndpoint, registers_of
+from rig.sims.wires.serial_line import SerialCable, register, unregister
+from rig.sims.world import EPOCH_UTC, World
 
 _OF_THE_BENCH = frozenset({"driver", "address", "asset", "due", "serial"})
 """Keys of an `[instruments.NAME]` table that belong to the bench; the rest are options of driver and twin."""
@@ -35,7 +35,7 @@ def world_for(bench: Mapping[str, Any], truth: Mapping[str, Any], start: float =
         start: first value of `now()`, seconds.
 
     Raises:
-        sims.physics.WorldError: the world file is wrong.
+        rig.sims.physics.WorldError: the world file is wrong.
     """
     epoch = read_truth(truth, sensor_axes(bench)).epoch
     return World(start, EPOCH_UTC if epoch is None else epoch)
@@ -51,7 +51,7 @@ class SimBench:
         key: name of this world in `sim://KEY/INSTRUMENT` addresses.
         twin_classes: twin class by driver name.
         record_tape: keep the true events, for checkers.
-        heard: called with each true event at once; see `sims.tape.Tape`.
+        heard: called with each true event at once; see `rig.sims.tape.Tape`.
 
     Attributes:
         tape: the true events; None unless recorded.
@@ -61,7 +61,7 @@ class SimBench:
         steps: number of changes that a person has made.
 
     Raises:
-        sims.physics.WorldError: the world file is wrong.
+        rig.sims.physics.WorldError: the world file is wrong.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class SimBench:
         return dict(self._twins)
 
     def by_hand(self, change: str, number: float | None = None) -> None:
-        """A person changes the bench by hand: the plant, and every twin with a method for it (`sims.twin.Changing`).
+        """A person changes the bench by hand: the plant, and every twin that can be changed (`rig.sims.twin.Changing`).
 
         Args:
             change: the word of the procedure file.

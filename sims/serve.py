@@ -18,14 +18,14 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from sims.bench import SimBench, world_for
-from sims.tape_file import TapeFile
-from sims.twin import MakesTwins
-from sims.wires.can_line import on_one_bus
-from sims.wires.modbus_line import ModbusEndpoint, registers_of
-from sims.wires.ports import Port, PseudoTerminal, Receive, TcpPort
-from sims.wires.slcan import SlcanAdapter
-from sims.world import Pace
+from rig.sims.bench import SimBench, world_for
+from rig.sims.tape_file import TapeFile
+from rig.sims.twin import MakesTwins
+from rig.sims.wires.can_line import on_one_bus
+from rig.sims.wires.modbus_line import ModbusEndpoint, registers_of
+from rig.sims.wires.ports import Port, PseudoTerminal, Receive, TcpPort
+from rig.sims.wires.slcan import SlcanAdapter
+from rig.sims.world import Pace
 
 _STOP = frozenset({signal.SIGINT, signal.SIGTERM})
 _LOOK_UP_S = 0.5  # period of checks for the end, seconds
@@ -53,11 +53,11 @@ def serve(
         world_text: text of the world file, for `live`.
         speed: virtual seconds per real second.
         seconds: real seconds after which to stop; None for no limit.
-        tape: file to which all answers and true events are appended; see `sims.tape_file`. None for no tape.
+        tape: file to which all answers and true events are appended; see `rig.sims.tape_file`. None for no tape.
         announce: called with a line for each instrument and one for the file.
 
     Raises:
-        sims.physics.WorldError: the world file is wrong.
+        rig.sims.physics.WorldError: the world file is wrong.
         OSError: `live` or `tape` cannot be written, or a port cannot be opened.
     """
     if os.path.lexists(live):

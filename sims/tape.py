@@ -10,12 +10,12 @@ from functools import partial
 from math import nan
 from typing import NamedTuple
 
-from sims.physics import Plant
-from sims.physics.chamber import Chamber
-from sims.physics.thermal import Enclosure
-from sims.physics.told import Told
-from sims.twin import Measuring, Twin
-from sims.world import World
+from rig.sims.physics import Plant
+from rig.sims.physics.chamber import Chamber
+from rig.sims.physics.thermal import Enclosure
+from rig.sims.physics.told import Told
+from rig.sims.twin import Measuring, Twin
+from rig.sims.world import World
 
 
 class Reading(NamedTuple):

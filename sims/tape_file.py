@@ -13,8 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple, Self
 
-from sims.wires.ports import Receive
-from sims.world import Pace, World
+from rig.sims.wires.ports import Receive
+from rig.sims.world import Pace, World
 
 _STALL_S = 0.05
 """Maximum delay of the server without a note, real seconds."""
@@ -25,8 +25,8 @@ class TapeFile:
 
     Every line has `t`, world time in seconds, and `what`: "server" (the first of each process: pid, speed, the
     machine's clocks `boot_s` and `utc_s` at world time 0, `epoch_utc` of the world), "asked" and "answered" (`on` which
-    wire, `text` with bytes as Latin-1), "reading", "readback" and "change" (fields as in `sims.tape`, a change's `what`
-    as `of`), "stalled" (`seconds` of world time until `t` for which the server was stalled).
+    wire, `text` with bytes as Latin-1), "reading", "readback" and "change" (fields as in `rig.sims.tape`, a change's
+    `what` as `of`), "stalled" (`seconds` of world time until `t` for which the server was stalled).
 
     Args:
         path: the file; its contents are kept.
@@ -59,7 +59,7 @@ class TapeFile:
         os.write(self._file, f"{json.dumps(line)}\n".encode())
 
     def happened(self, thing: NamedTuple) -> None:
-        """A reading, readback or change of `sims.tape`."""
+        """A reading, readback or change of `rig.sims.tape`."""
         fields = thing._asdict()
         fields["on"] = fields.pop("instrument")
         change = fields.pop("what", None)

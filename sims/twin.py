@@ -10,13 +10,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
-from sims.wires.serial_line import SerialEnd
+from rig.sims.wires.serial_line import SerialEnd
 
 if TYPE_CHECKING:
-    from sims.faults.fault import Kind
-    from sims.inputs import Inputs
-    from sims.wires.modbus_slave import Registers
-    from sims.world import World
+    from rig.sims.faults.fault import Kind
+    from rig.sims.inputs import Inputs
+    from rig.sims.wires.modbus_slave import Registers
+    from rig.sims.world import World
 
 Medium = Literal["serial", "modbus", "can", "none"]
 """Kind of wire."""
@@ -63,7 +63,7 @@ class MakesTwins(TwinClass, Protocol):
             name: the bench's name for the instrument.
             options: its table in the bench file, without the bench's own keys.
             world: virtual time.
-            plant: a `sims.physics.Plant`.
+            plant: a `rig.sims.physics.Plant`.
             serial: its serial number.
         """
         ...

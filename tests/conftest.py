@@ -31,7 +31,7 @@ def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
 
     For tests of something else than the level; runs with nothing in them are judged with all the draws.
     """
-    monkeypatch.setattr("procedures.attitude.trace.family.DRAWS", 5_000)
+    monkeypatch.setattr("rig.procedures.attitude.trace.family.DRAWS", 5_000)
 
 
 LONGEST = ("an_installed_wheel", "trace", "trace_whole_plots", "trace_effects", "kills", "confirm", "live_bench")

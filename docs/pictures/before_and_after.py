@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from procedures.pictures import side_by_side
-from rig.closed_loop import trace_table
+from rig.by_kind import trace_table
+from rig.procedures.present.pictures import side_by_side
 from rig.tables import run_table
 
 SENSOR = "x_V"

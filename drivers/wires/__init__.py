@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from drivers.clock import Clock
-from drivers.errors import Unreachable
-from drivers.wires.addresses import text_address
-from drivers.wires.serial_line import SerialLine, SerialSettings, Tap
-from drivers.wires.serial_options import SerialOptions
-from drivers.wires.visa_address import VisaAddress
+from rig.drivers.clock import Clock
+from rig.drivers.errors import Unreachable
+from rig.drivers.wires.addresses import text_address
+from rig.drivers.wires.serial_line import SerialLine, SerialSettings, Tap
+from rig.drivers.wires.serial_options import SerialOptions
+from rig.drivers.wires.visa_address import VisaAddress
 
 if TYPE_CHECKING:
-    from drivers.wires.can import CanLine, CanWires
-    from drivers.wires.modbus import ModbusLine, ModbusWires
+    from rig.drivers.wires.can import CanLine, CanWires
+    from rig.drivers.wires.modbus import ModbusLine, ModbusWires
 
 __all__ = ["SerialLine", "SerialOptions", "SerialSettings", "Tap", "Wires"]
 
@@ -80,7 +80,7 @@ class Wires:
 
         """
         if self._modbus is None:
-            from drivers.wires.modbus import ModbusWires  # noqa: PLC0415
+            from rig.drivers.wires.modbus import ModbusWires  # noqa: PLC0415
 
             self._modbus = ModbusWires(self._clock, self._simulated.get("modbus"), self._tap)
         return self._modbus.line(address, name, timeout_s)
@@ -97,7 +97,7 @@ class Wires:
 
         """
         if self._can is None:
-            from drivers.wires.can import CanWires  # noqa: PLC0415
+            from rig.drivers.wires.can import CanWires  # noqa: PLC0415
 
             self._can = CanWires(self._clock, self._simulated.get("can"), self._tap)
         return self._can.line(address, name)
@@ -113,6 +113,6 @@ class Wires:
 def _line_class(address: str) -> type[SerialLine]:
     if not isinstance(text_address(address), VisaAddress):
         return SerialLine
-    from drivers.wires.visa import VisaLine  # noqa: PLC0415 - only for benches that have one
+    from rig.drivers.wires.visa import VisaLine  # noqa: PLC0415 - only for benches that have one
 
     return VisaLine

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 from urllib.parse import parse_qsl
 
-from drivers.errors import WrongAddress
-from drivers.wires.hosts import HostPort, host_wrong
-from drivers.wires.ports import DEVICE, is_ip, is_port
-from drivers.wires.visa_address import SCHEME, VisaAddress
+from rig.drivers.errors import WrongAddress
+from rig.drivers.wires.hosts import HostPort, host_wrong
+from rig.drivers.wires.ports import DEVICE, is_ip, is_port
+from rig.drivers.wires.visa_address import SCHEME, VisaAddress
 
 _HOST = r"[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]"
 _HOST_PORT = re.compile(rf"(?P<host>{_HOST})(?::(?P<port>[0-9]{{1,5}}))?")

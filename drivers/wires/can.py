@@ -8,13 +8,13 @@ from typing import ParamSpec, TypeVar
 
 from canopen.objectdictionary import ObjectDictionary
 
-from drivers.clock import Clock
-from drivers.errors import BadReply, Unreachable
-from drivers.wires.addresses import CanAddress
-from drivers.wires.can_bus import BUS_ERRORS, CanBus
-from drivers.wires.can_node import CanNode
-from drivers.wires.can_transport import CanTransport
-from drivers.wires.serial_line import Tap
+from rig.drivers.clock import Clock
+from rig.drivers.errors import BadReply, Unreachable
+from rig.drivers.wires.addresses import CanAddress
+from rig.drivers.wires.can_bus import BUS_ERRORS, CanBus
+from rig.drivers.wires.can_node import CanNode
+from rig.drivers.wires.can_transport import CanTransport
+from rig.drivers.wires.serial_line import Tap
 
 _MOST_BUFFERED = 100_000  # maximum number of frames in an adapter; a bus with more frames at once never becomes silent
 

@@ -14,10 +14,10 @@ from typing import NoReturn
 import can
 import canopen
 
-from drivers.clock import Clock
-from drivers.errors import BadReply, Unreachable
-from drivers.wires.addresses import CanAddress
-from drivers.wires.can_transport import BusTransport, CanTransport
+from rig.drivers.clock import Clock
+from rig.drivers.errors import BadReply, Unreachable
+from rig.drivers.wires.addresses import CanAddress
+from rig.drivers.wires.can_transport import BusTransport, CanTransport
 
 BUS_ERRORS = (OSError, can.CanError)
 """Errors of a lost bus."""

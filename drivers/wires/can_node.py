@@ -19,9 +19,9 @@ from canopen.objectdictionary.eds import import_eds
 from canopen.sdo.client import SdoClient, WritableStream
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from drivers.errors import BadReply, InstrumentError, NoReply
-from drivers.wires.can_bus import BUS_ERRORS, CanBus
-from drivers.wires.serial_line import Tap
+from rig.drivers.errors import BadReply, InstrumentError, NoReply
+from rig.drivers.wires.can_bus import BUS_ERRORS, CanBus
+from rig.drivers.wires.serial_line import Tap
 
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # it prints errors that we raise
 

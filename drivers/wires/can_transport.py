@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import can
 
-from drivers.wires.addresses import CanAddress
+from rig.drivers.wires.addresses import CanAddress
 
 logging.getLogger("can").addHandler(logging.NullHandler())  # it prints errors that we raise
 

@@ -1,4 +1,4 @@
-"""Modbus: the devices on a TCP connection or a serial line, which share one master (`drivers.wires.modbus_wire`).
+"""Modbus: the devices on a TCP connection or a serial line, which share one master (`rig.drivers.wires.modbus_wire`).
 
 No request is repeated silently: a read may be repeated once; a write is never repeated, unless the device itself
 reported that it did nothing (exception 6, busy).
@@ -13,13 +13,13 @@ from functools import partial
 from pymodbus.pdu import ExceptionResponse, ModbusPDU, ReadHoldingRegistersRequest
 from pymodbus.pdu.register_message import WriteMultipleRegistersRequest, WriteSingleRegisterRequest
 
-from drivers.clock import Clock
-from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
-from drivers.wires.addresses import ModbusAddress
-from drivers.wires.modbus_rtu import OutOfStep
-from drivers.wires.modbus_transport import Transport
-from drivers.wires.modbus_wire import ClosedAfterAnswer, ModbusWire
-from drivers.wires.serial_line import Tap
+from rig.drivers.clock import Clock
+from rig.drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
+from rig.drivers.wires.addresses import ModbusAddress
+from rig.drivers.wires.modbus_rtu import OutOfStep
+from rig.drivers.wires.modbus_transport import Transport
+from rig.drivers.wires.modbus_wire import ClosedAfterAnswer, ModbusWire
+from rig.drivers.wires.serial_line import Tap
 
 _BUSY, _BUSY_WAIT_S, _BUSY_TRIES = 6, 0.2, 10
 _SENSIBLE, _LIKELY = (1e-20, 1e20), (1e-3, 1e5)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from pymodbus.framer.rtu import FramerRTU
 
-from drivers.errors import BadReply
+from rig.drivers.errors import BadReply
 
 _READS, _WRITE_ONE, _LOOPBACK, _WRITE = (3, 4), 6, 8, 16
 _EXCEPTION_SIZE, _ECHO_SIZE = 5, 8

@@ -7,8 +7,8 @@ from typing import Protocol
 
 import serial
 
-from drivers.clock import Clock
-from drivers.wires.addresses import ModbusAddress
+from rig.drivers.clock import Clock
+from rig.drivers.wires.addresses import ModbusAddress
 
 _CONNECT_S = 3.0
 

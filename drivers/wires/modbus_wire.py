@@ -18,11 +18,11 @@ from pymodbus.framer import FramerBase, FramerRTU, FramerSocket
 from pymodbus.pdu import DecodePDU, ModbusPDU
 from pymodbus.pdu.register_message import ReadHoldingRegistersResponse
 
-from drivers.clock import Clock
-from drivers.errors import BadReply, NoReply, Unreachable
-from drivers.wires.addresses import ModbusAddress
-from drivers.wires.modbus_rtu import OutOfStep, ends_with_answer, fits, questions
-from drivers.wires.modbus_transport import TcpTransport, Transport, open_transport, silence_s
+from rig.drivers.clock import Clock
+from rig.drivers.errors import BadReply, NoReply, Unreachable
+from rig.drivers.wires.addresses import ModbusAddress
+from rig.drivers.wires.modbus_rtu import OutOfStep, ends_with_answer, fits, questions
+from rig.drivers.wires.modbus_transport import TcpTransport, Transport, open_transport, silence_s
 
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # it prints errors that we raise
 

@@ -1,6 +1,6 @@
 """A serial line that carries text commands and text replies, one query at a time.
 
-The line opens addresses permitted by `drivers.wires.addresses` (`/dev/ttyUSB0`, `COM4`, `socket://host:5025`,
+The line opens addresses permitted by `rig.drivers.wires.addresses` (`/dev/ttyUSB0`, `COM4`, `socket://host:5025`,
 `rfc2217://...`). It never repeats a command that may have been carried out. After an unexpected reply it listens until
 the instrument is silent before it asks again. After a missing reply it asks a question whose answer fits no other
 question. A line keeps the order of answers, so late ones come before that answer and cannot answer the next question.
@@ -17,12 +17,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NoReturn, cast
 
-from drivers.clock import Clock
-from drivers.errors import BadReply, NoReply, Unreachable
-from drivers.wires.addresses import text_address
-from drivers.wires.parity import WRONG_PARITY, opener
-from drivers.wires.port import Port, without_delay
-from drivers.wires.serial_options import Flow, flow_arguments, flow_refused
+from rig.drivers.clock import Clock
+from rig.drivers.errors import BadReply, NoReply, Unreachable
+from rig.drivers.wires.addresses import text_address
+from rig.drivers.wires.parity import WRONG_PARITY, opener
+from rig.drivers.wires.port import Port, without_delay
+from rig.drivers.wires.serial_options import Flow, flow_arguments, flow_refused
 
 try:
     import termios
@@ -77,7 +77,7 @@ class SerialLine:
     """One open serial line.
 
     Args:
-        address: its address, see `drivers.wires.addresses`.
+        address: its address, see `rig.drivers.wires.addresses`.
         settings: settings of the instrument's line.
         clock: bench time.
         label: name of the instrument, for messages and the wire log.

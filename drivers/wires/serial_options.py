@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field
 
-from drivers.wires.addresses import TextAddress, text_address
+from rig.drivers.wires.addresses import TextAddress, text_address
 
 Flow = Literal["none", "rtscts", "xonxoff", "dsrdtr"]
 """Flow control: by the lines RTS and CTS, by the characters XON and XOFF, by the lines DTR and DSR."""

@@ -12,11 +12,11 @@ from __future__ import annotations
 import contextlib
 from typing import Any
 
-from drivers.clock import Clock
-from drivers.errors import Unreachable
-from drivers.wires.port import Port
-from drivers.wires.serial_line import SerialLine, SerialSettings, Tap
-from drivers.wires.visa_address import VisaAddress
+from rig.drivers.clock import Clock
+from rig.drivers.errors import Unreachable
+from rig.drivers.wires.port import Port
+from rig.drivers.wires.serial_line import SerialLine, SerialSettings, Tap
+from rig.drivers.wires.visa_address import VisaAddress
 
 _CHUNK = 20_480
 _LONGEST = 300  # characters of a library's error in our message

@@ -10,8 +10,8 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from drivers.errors import WrongAddress
-from drivers.wires.hosts import HostPort, host_wrong
+from rig.drivers.errors import WrongAddress
+from rig.drivers.wires.hosts import HostPort, host_wrong
 
 SCHEME = "visa://"
 EXAMPLES = (

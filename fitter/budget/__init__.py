@@ -1,11 +1,11 @@
 """Uncertainty budgets after the GUM: JCGM 100, and JCGM 101 as a check."""
 
-from fitter.budget.budget import Budgeted, Contribution, Shapes, budgets, covariance
-from fitter.budget.coverage import EXCESS, NEAR_95, coverage_factor, shape_factor
-from fitter.budget.influence import Correlation, Influence, TypeA
-from fitter.budget.mass import Combined, combine
-from fitter.budget.monte_carlo import Check, Interval, Simulated, check, monte_carlo, simulate
-from fitter.rounding import Rounded, rounded, rounded_df, rounded_factor, rounded_uncertainty
+from rig.fitter.budget.budget import Budgeted, Contribution, Shapes, budgets, covariance
+from rig.fitter.budget.coverage import EXCESS, NEAR_95, coverage_factor, shape_factor
+from rig.fitter.budget.influence import Correlation, Influence, TypeA
+from rig.fitter.budget.mass import Combined, combine
+from rig.fitter.budget.monte_carlo import Check, Interval, Simulated, check, monte_carlo, simulate
+from rig.fitter.rounding import Rounded, rounded, rounded_df, rounded_factor, rounded_uncertainty
 
 __all__ = [
     "EXCESS",

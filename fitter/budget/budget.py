@@ -9,10 +9,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.budget.coverage import EXCESS, coverage_factor, shape_factor
-from fitter.budget.influence import CANCELLED, Correlation, Influence, Inputs, TypeA, checked
-from fitter.budget.mass import combine
+from rig.fitter.arrays import FloatArray
+from rig.fitter.budget.coverage import EXCESS, coverage_factor, shape_factor
+from rig.fitter.budget.influence import CANCELLED, Correlation, Influence, Inputs, TypeA, checked
+from rig.fitter.budget.mass import combine
 
 DOMINATED = 1.0
 """Largest standard uncertainty of all other errors, beside that of one or two rectangular errors that dominate: these

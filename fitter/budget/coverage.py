@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
 
 NORMAL_FROM = 1e5
 """Degrees of freedom above which the normal distribution counts, as in GTC."""

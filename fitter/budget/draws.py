@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.budget.influence import Influence, Inputs, TypeA
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray
+from rig.fitter.budget.influence import Influence, Inputs, TypeA
+from rig.fitter.errors import FitError
 
 Evaluate = Callable[[FloatArray], FloatArray]
 """The whole evaluation: (n, p) errors of the influences, in their standard uncertainties, to (n, m) results."""

@@ -9,8 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
 
 Distribution = Literal["normal", "t", "rectangular", "triangular", "arcsine"]
 """Shape of an influence's distribution. It counts in a Monte Carlo simulation; "t" has the influence's degrees of

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.arrays import FloatArray
-from fitter.budget.coverage import coverage_factor, shape_factor
-from fitter.budget.influence import CANCELLED, connected
+from rig.fitter.arrays import FloatArray
+from rig.fitter.budget.coverage import coverage_factor, shape_factor
+from rig.fitter.budget.influence import CANCELLED, connected
 
 _PROBABILITY = 0.95
 

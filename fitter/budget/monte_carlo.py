@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.budget.budget import Budgeted
-from fitter.budget.draws import Evaluate, Trials, trials
-from fitter.budget.influence import Correlation, Influence, TypeA, checked
-from fitter.errors import FitError
-from fitter.rounding import rounded_uncertainty
+from rig.fitter.arrays import FloatArray
+from rig.fitter.budget.budget import Budgeted
+from rig.fitter.budget.draws import Evaluate, Trials, trials
+from rig.fitter.budget.influence import Correlation, Influence, TypeA, checked
+from rig.fitter.errors import FitError
+from rig.fitter.rounding import rounded_uncertainty
 
 BLOCK = 10_000
 FINER = 5.0

@@ -1,14 +1,14 @@
 """A further run compared with a traced one: the remaining explanation, and the expected result of a planned run."""
 
-from fitter.confirm.compare import CARRIED_ON, NOTHING, Pair
-from fitter.confirm.judge import Confirmation, Confirmed, Member, confirm, confirm_all
-from fitter.confirm.points import Choice, Points
-from fitter.confirm.predict import Separation, separation
-from fitter.confirm.prediction import SensorError
-from fitter.confirm.question import Hypothesis, Question, questions_of
-from fitter.confirm.runs import Later
-from fitter.confirm.still_open import still_open
-from fitter.confirm.together import Together
+from rig.fitter.confirm.compare import CARRIED_ON, NOTHING, Pair
+from rig.fitter.confirm.judge import Confirmation, Confirmed, Member, confirm, confirm_all
+from rig.fitter.confirm.points import Choice, Points
+from rig.fitter.confirm.predict import Separation, separation
+from rig.fitter.confirm.prediction import SensorError
+from rig.fitter.confirm.question import Hypothesis, Question, questions_of
+from rig.fitter.confirm.runs import Later
+from rig.fitter.confirm.still_open import still_open
+from rig.fitter.confirm.together import Together
 
 __all__ = [
     "CARRIED_ON",

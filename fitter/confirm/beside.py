@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.confirm.compare import Comparison
-from fitter.confirm.question import Hypothesis
-from fitter.confirm.together import Candidates, Fit, Together, solve
-from fitter.quantiles import t_limit
+from rig.fitter.arrays import FloatArray
+from rig.fitter.confirm.compare import Comparison
+from rig.fitter.confirm.question import Hypothesis
+from rig.fitter.confirm.together import Candidates, Fit, Together, solve
+from rig.fitter.quantiles import t_limit
 
 NOTABLE = 1.0 / 3.0
 """Upper limits of shares below this are not mentioned."""

@@ -10,11 +10,11 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.confirm.question import Hypothesis, Question
-from fitter.confirm.together import Fit, Together, left
-from fitter.linear import orthonormal
-from fitter.trace.aliases import PER_COLUMN
+from rig.fitter.arrays import FloatArray
+from rig.fitter.confirm.question import Hypothesis, Question
+from rig.fitter.confirm.together import Fit, Together, left
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.aliases import PER_COLUMN
 
 CARRIED_ON = ("time", "temperature", "interruption", "chamber")
 """Sources of effects that continue from one run to the next."""

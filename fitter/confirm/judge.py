@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.confirm.beside import Beside, beside
-from fitter.confirm.compare import Comparison, fitted_again, lasting, nuisance
-from fitter.confirm.prediction import SensorError, prediction_errors
-from fitter.confirm.question import Hypothesis, Question
-from fitter.confirm.structure import p_structured
-from fitter.confirm.together import Candidates, Together, left, solve
-from fitter.effects.sizes import arcsec, size_95
-from fitter.linear import orthonormal
-from fitter.quantiles import DISTINGUISHED, f_tail, t_limit
+from rig.fitter.arrays import FloatArray
+from rig.fitter.confirm.beside import Beside, beside
+from rig.fitter.confirm.compare import Comparison, fitted_again, lasting, nuisance
+from rig.fitter.confirm.prediction import SensorError, prediction_errors
+from rig.fitter.confirm.question import Hypothesis, Question
+from rig.fitter.confirm.structure import p_structured
+from rig.fitter.confirm.together import Candidates, Together, left, solve
+from rig.fitter.effects.sizes import arcsec, size_95
+from rig.fitter.linear import orthonormal
+from rig.fitter.quantiles import DISTINGUISHED, f_tail, t_limit
 
 ROUNDS = 5
 STANDS_OUT, MOST_OUTLIERS = 6.0, 0.02

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.confirm.beside import notable
-from fitter.confirm.compare import NOTHING, Pair, fitted_again
-from fitter.confirm.question import Question
-from fitter.confirm.reduced import reduced
-from fitter.confirm.together import Candidates, Fit, Together
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.confirm.beside import notable
+from rig.fitter.confirm.compare import NOTHING, Pair, fitted_again
+from rig.fitter.confirm.question import Question
+from rig.fitter.confirm.reduced import reduced
+from rig.fitter.confirm.together import Candidates, Fit, Together
 
 UNSEEN = 2.0
 """Distance, in standard errors, below which the largest run does not separate a pair: it has no influence."""

@@ -15,13 +15,13 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.confirm.beside import notable
-from fitter.confirm.compare import NOTHING, Apart, Comparison, Pair, searched
-from fitter.confirm.question import Hypothesis, Question
-from fitter.confirm.reduced import reduced
-from fitter.confirm.together import RANK, Candidates, Fit, Together, left
-from fitter.trace.aliases import PER_COLUMN
+from rig.fitter.arrays import FloatArray
+from rig.fitter.confirm.beside import notable
+from rig.fitter.confirm.compare import NOTHING, Apart, Comparison, Pair, searched
+from rig.fitter.confirm.question import Hypothesis, Question
+from rig.fitter.confirm.reduced import reduced
+from rig.fitter.confirm.together import RANK, Candidates, Fit, Together, left
+from rig.fitter.trace.aliases import PER_COLUMN
 
 SELECTED = 3.5e-4
 """Probability at which a trace selects one candidate: 3.5 % of a run, over the hundred or so that it tries."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.confirm.together import Candidates, Together, left, solve
-from fitter.linear import orthonormal
+from rig.fitter.arrays import FloatArray
+from rig.fitter.confirm.together import Candidates, Together, left, solve
+from rig.fitter.linear import orthonormal
 
 
 @dataclass(frozen=True, eq=False)

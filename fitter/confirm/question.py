@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from fitter.quantiles import DISTINGUISHED, t_limit
-from fitter.trace.found import Explanation, Found
+from rig.fitter.quantiles import DISTINGUISHED, t_limit
+from rig.fitter.trace.found import Explanation, Found
 
 CLEARLY = 0.99993666
-"""Probability of four standard errors (`fitter.trace.aliases.NEARLY`), for a known error."""
+"""Probability of four standard errors (`rig.fitter.trace.aliases.NEARLY`), for a known error."""
 
 
 class Judged(Protocol):

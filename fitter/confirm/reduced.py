@@ -15,9 +15,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.confirm.question import Question
-from fitter.confirm.together import Candidates, Own, Together
+from rig.fitter.arrays import FloatArray
+from rig.fitter.confirm.question import Question
+from rig.fitter.confirm.together import Candidates, Own, Together
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,9 @@ from typing import Any, ClassVar, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.effects.hands import Done
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.hands import Done
+from rig.fitter.errors import FitError
 
 
 class Observations(Protocol):

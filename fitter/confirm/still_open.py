@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from fitter.confirm.judge import Confirmation
-from fitter.confirm.question import Question
+from rig.fitter.confirm.judge import Confirmation
+from rig.fitter.confirm.question import Question
 
 
 def still_open(answer: Confirmation) -> Question | None:

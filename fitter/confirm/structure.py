@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.confirm.together import Together, left
-from fitter.linear import orthonormal
-from fitter.quantiles import f_tail
+from rig.fitter.arrays import FloatArray
+from rig.fitter.confirm.together import Together, left
+from rig.fitter.linear import orthonormal
+from rig.fitter.quantiles import f_tail
 
 ORDERS = 3, 6, 12
 """Numbers of columns of a place that are tried together, the smoothest first."""

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.effects.hands import Done
-from fitter.linear import orthonormal
-from fitter.trace.aliases import NOTHING_LEFT
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.hands import Done
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.aliases import NOTHING_LEFT
 
 if TYPE_CHECKING:
-    from fitter.confirm.question import Question
+    from rig.fitter.confirm.question import Question
 
 Candidates = Sequence[Any]
 """Terms of effects, each of a kind's own class; all have effect, term and sensor."""

@@ -1,8 +1,8 @@
 """Decisions on conformity after JCGM 106 and ILAC-G8."""
 
-from fitter.decision.probability import Prior, conformity_probability, gamma_prior, normal_prior
-from fitter.decision.risk import Risks, global_risks, guard_band_for
-from fitter.decision.rules import (
+from rig.fitter.decision.probability import Prior, conformity_probability, gamma_prior, normal_prior
+from rig.fitter.decision.risk import Risks, global_risks, guard_band_for
+from rig.fitter.decision.rules import (
     Decision,
     GuardBand,
     ProbabilityLimit,
@@ -13,7 +13,7 @@ from fitter.decision.rules import (
     decide,
     guard_factor,
 )
-from fitter.decision.tolerance import Tolerance
+from rig.fitter.decision.tolerance import Tolerance
 
 __all__ = [
     "Decision",

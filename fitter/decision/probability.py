@@ -10,9 +10,9 @@ from math import inf, isfinite, lgamma, log, pi, sqrt
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.decision.tolerance import Tolerance
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray
+from rig.fitter.decision.tolerance import Tolerance
+from rig.fitter.errors import FitError
 
 NORMAL_FROM = 1e5
 """Degrees of freedom above which a measurement's distribution is normal."""

@@ -7,10 +7,10 @@ from math import inf
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.decision.probability import Prior, cumulative, nodes, positive
-from fitter.decision.tolerance import Tolerance
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray
+from rig.fitter.decision.probability import Prior, cumulative, nodes, positive
+from rig.fitter.decision.tolerance import Tolerance
+from rig.fitter.errors import FitError
 
 
 @dataclass(frozen=True)

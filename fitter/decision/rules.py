@@ -8,9 +8,9 @@ from typing import Literal
 
 from scipy import special
 
-from fitter.decision.probability import conformity_probability
-from fitter.decision.tolerance import Tolerance
-from fitter.errors import FitError
+from rig.fitter.decision.probability import conformity_probability
+from rig.fitter.decision.tolerance import Tolerance
+from rig.fitter.errors import FitError
 
 Word = Literal["pass", "fail", "conditionalPass", "conditionalFail", "noPass", "noFail"]
 """A statement of conformity.

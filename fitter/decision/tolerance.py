@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf, isnan
 
-from fitter.errors import FitError
+from rig.fitter.errors import FitError
 
 
 @dataclass(frozen=True)

@@ -26,14 +26,14 @@
 person can correct are `FitError`. Sources are in the modules; docs/how_to/optimal_designs.md has examples.
 """
 
-from fitter.designs.advice import advice
-from fitter.designs.classical import CentralComposite, central_composite, grid, plots_by_setting, to_range
-from fitter.designs.determined import Freedom
-from fitter.designs.evaluate import Efficiencies, Evaluation, evaluate
-from fitter.designs.factors import Factor
-from fitter.designs.measure import Measure, optimal_measure
-from fitter.designs.optimal import Design, optimal
-from fitter.designs.region import Region
+from rig.fitter.designs.advice import advice
+from rig.fitter.designs.classical import CentralComposite, central_composite, grid, plots_by_setting, to_range
+from rig.fitter.designs.determined import Freedom
+from rig.fitter.designs.evaluate import Efficiencies, Evaluation, evaluate
+from rig.fitter.designs.factors import Factor
+from rig.fitter.designs.measure import Measure, optimal_measure
+from rig.fitter.designs.optimal import Design, optimal
+from rig.fitter.designs.region import Region
 
 __all__ = [
     "CentralComposite",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from fitter.designs.evaluate import Evaluation
-from fitter.designs.optimal import Design
+from rig.fitter.designs.evaluate import Evaluation
+from rig.fitter.designs.optimal import Design
 
 CORRELATED = 0.99
 """Correlation from which two coefficients are hardly told apart."""

@@ -14,8 +14,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
 
 Kind = Literal["circumscribed", "face-centred", "inscribed"]
 Alpha = Literal["rotatable", "orthogonal-blocks", "spherical"]

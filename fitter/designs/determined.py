@@ -8,8 +8,8 @@ import numpy as np
 from scipy.sparse import block_array, coo_array
 from scipy.sparse.csgraph import connected_components
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.designs.region import DEPENDENT, lost_directions
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.designs.region import DEPENDENT, lost_directions
 
 
 @dataclass(frozen=True)

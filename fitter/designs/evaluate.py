@@ -13,13 +13,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.designs.determined import Freedom, freedom, points_that_would
-from fitter.designs.factors import Factor
-from fitter.designs.measure import Measure, optimal_measure
-from fitter.designs.plots import checked_eta, numbered, whitened
-from fitter.designs.region import DEPENDENT, Allowed, Columns, Region, lost_directions, named
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.designs.determined import Freedom, freedom, points_that_would
+from rig.fitter.designs.factors import Factor
+from rig.fitter.designs.measure import Measure, optimal_measure
+from rig.fitter.designs.plots import checked_eta, numbered, whitened
+from rig.fitter.designs.region import DEPENDENT, Allowed, Columns, Region, lost_directions, named
+from rig.fitter.errors import FitError
 
 CLOSE = 1e-4
 """Accuracy of the bounds that efficiencies are relative to."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
 
 GRID = 9
 """Settings of a free factor that a search tries before it refines them."""

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
 
 CLOSE = 1e-5
 """Relative distance from the bound at which a measure is good enough."""

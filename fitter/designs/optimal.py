@@ -9,14 +9,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.designs.evaluate import Evaluation, evaluated
-from fitter.designs.factors import Factor
-from fitter.designs.plots import checked_eta, numbered, sizes, whitened
-from fitter.designs.polish import Polish
-from fitter.designs.region import Allowed, Columns, Region
-from fitter.designs.search import Problem, Starts, improved, moves, random_starts, shaken
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.designs.evaluate import Evaluation, evaluated
+from rig.fitter.designs.factors import Factor
+from rig.fitter.designs.plots import checked_eta, numbered, sizes, whitened
+from rig.fitter.designs.polish import Polish
+from rig.fitter.designs.region import Allowed, Columns, Region
+from rig.fitter.designs.search import Problem, Starts, improved, moves, random_starts, shaken
+from rig.fitter.errors import FitError
 
 Criterion = Literal["D", "I"]
 

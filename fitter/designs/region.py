@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import null_space, solve_triangular
 
-from fitter.arrays import FloatArray
-from fitter.designs.classical import grid
-from fitter.designs.factors import Factor, as_factors
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray
+from rig.fitter.designs.classical import grid
+from rig.fitter.designs.factors import Factor, as_factors
+from rig.fitter.errors import FitError
 
 Columns = Callable[[FloatArray], FloatArray]
 """(n, p) model matrix of (n, k) points."""

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.designs.plots import share
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.designs.plots import share
 
 MOVES = 100
 """Settings up to which a point is compared with all of them at once."""

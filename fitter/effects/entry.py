@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from fitter.effects.hands import ByHand, Influence
-from fitter.effects.sizes import Size
+from rig.fitter.effects.hands import ByHand, Influence
+from rig.fitter.effects.sizes import Size
 
 Stratum = Literal["between-point", "point-by-replication", "replication", "whole-plot", "subplot", "noise"]
 

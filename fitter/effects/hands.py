@@ -1,7 +1,7 @@
 """Changes that a person makes to a bench, and their influence on effects.
 
-An effect declares in its catalogue entry what a change does to it (`fitter.effects.entry.Entry.hand`). Two effects that
-no setting of the bench separates are separated by a change that has different influences on them.
+An effect declares in its catalogue entry what a change does to it (`rig.fitter.effects.entry.Entry.hand`). Two effects
+that no setting of the bench separates are separated by a change that has different influences on them.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@
 
 `by_hand` may be left out: a change by a person that removes or resizes the effect. The stratum determines the kind of
 calibration of the effect. Each kind defines its strata, its scopes and the variables of columns in a `Grammar`; the
-arithmetic is that of `fitter.arithmetic`.
+arithmetic is that of `rig.fitter.arithmetic`.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from fitter.effects.entry import Entry
-from fitter.effects.hands import ByHand, Change
-from fitter.effects.own_formula import OwnFormula
-from fitter.effects.sizes import each
-from fitter.errors import FitError
+from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.hands import ByHand, Change
+from rig.fitter.effects.own_formula import OwnFormula
+from rig.fitter.effects.sizes import each
+from rig.fitter.errors import FitError
 
 _HAND, _CHANGE, _DOES = "by_hand", ("change", "say", "does"), ("removes", "resizes")
 _WORDS = ("name", "cause", "scope", "stratum", "unit", "columns", "separate_by", "usual_size")

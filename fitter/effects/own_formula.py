@@ -1,4 +1,4 @@
-"""Columns of a laboratory's own effects: arithmetic on named quantities, in the grammar of `fitter.formula`."""
+"""Columns of a laboratory's own effects: arithmetic on named quantities, in the grammar of `rig.fitter.formula`."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arithmetic import FUNCTIONS, Expression
-from fitter.arithmetic_text import FormulaError, parse_expression
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
+from rig.fitter.arithmetic import FUNCTIONS, Expression
+from rig.fitter.arithmetic_text import FormulaError, parse_expression
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
 
 LONGEST = 500
 """Maximum length of a formula, characters."""

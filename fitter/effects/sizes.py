@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import hypot, isfinite
 
-from fitter.rounding import with_error
+from rig.fitter.rounding import with_error
 
 _ARCSEC_PER_DEG = 3600.0
 

@@ -8,8 +8,8 @@ import numpy as np
 from scipy import special
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.gross.rows import Rows
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.gross.rows import Rows
 
 LONE = 1e-6
 """A row with no larger share in its residual cannot be checked."""

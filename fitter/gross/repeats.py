@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from fitter.arrays import IntArray
-from fitter.gross.rows import Rows
-from fitter.gross.search import GrossErrors, gross_errors
+from rig.fitter.arrays import IntArray
+from rig.fitter.gross.rows import Rows
+from rig.fitter.gross.search import GrossErrors, gross_errors
 
 HOLDS = 0.05
 """Minimum probability of such a lack of fit by chance, if the declared model is to decide."""

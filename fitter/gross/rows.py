@@ -14,9 +14,9 @@ from typing import Protocol
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.own_span import Levels, OwnSpan
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.own_span import Levels, OwnSpan
 
 ENOUGH = 1e-11
 """Relative size of singular values of the scaled products that count as zero."""

@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.gross.judged import LONE, Found, judged, without
-from fitter.gross.rows import Rows
-from fitter.own_span import NO_GROUP
-from fitter.resolution import least_sd, robust_sd
-from fitter.trace.growing_noise import Growth, growth_of
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.gross.judged import LONE, Found, judged, without
+from rig.fitter.gross.rows import Rows
+from rig.fitter.own_span import NO_GROUP
+from rig.fitter.resolution import least_sd, robust_sd
+from rig.fitter.trace.growing_noise import Growth, growth_of
 
 LEVEL = 0.005
 """Probability that a clean table has a row named, for known relative standard deviations of its rows."""

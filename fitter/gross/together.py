@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.gross.rows import Rows
-from fitter.gross.search import GrossErrors
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.gross.rows import Rows
+from rig.fitter.gross.search import GrossErrors
 
 FEWEST = 5
 """Minimum number of named rows in a smooth curve."""

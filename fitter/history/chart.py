@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fitter.arrays import FloatArray
-from fitter.history.charted import Charted
-from fitter.history.forecast import ErrorBound, error_bound
-from fitter.history.homogeneity import Homogeneity, homogeneity
-from fitter.history.limits import Limits, limits
-from fitter.history.series import Series
-from fitter.history.step import Step, step
-from fitter.history.trend import Trend, trend
+from rig.fitter.arrays import FloatArray
+from rig.fitter.history.charted import Charted
+from rig.fitter.history.forecast import ErrorBound, error_bound
+from rig.fitter.history.homogeneity import Homogeneity, homogeneity
+from rig.fitter.history.limits import Limits, limits
+from rig.fitter.history.series import Series
+from rig.fitter.history.step import Step, step
+from rig.fitter.history.trend import Trend, trend
 
 LEVEL = 0.05
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.history.series import Series
+from rig.fitter.arrays import FloatArray
+from rig.fitter.history.series import Series
 
 
 @dataclass(frozen=True, eq=False)

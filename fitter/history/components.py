@@ -21,8 +21,8 @@ from enum import Enum
 import numpy as np
 from scipy.linalg import null_space
 
-from fitter.arrays import FloatArray
-from fitter.history.series import Series
+from rig.fitter.arrays import FloatArray
+from rig.fitter.history.series import Series
 
 
 class Between(Enum):

@@ -14,9 +14,9 @@ from functools import lru_cache
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.history.components import Between, Profile
-from fitter.history.series import Series
+from rig.fitter.arrays import FloatArray
+from rig.fitter.history.components import Between, Profile
+from rig.fitter.history.series import Series
 
 NODES = 128
 _GOLDEN = 0.6180339887498949

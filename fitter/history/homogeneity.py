@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.history.components import Between, Profile
-from fitter.history.series import Series
-from fitter.quantiles import f_limit, f_tail
+from rig.fitter.history.components import Between, Profile
+from rig.fitter.history.series import Series
+from rig.fitter.quantiles import f_limit, f_tail
 
 
 @dataclass(frozen=True)

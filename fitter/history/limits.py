@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.history.components import Between, fit
-from fitter.history.series import Series
-from fitter.quantiles import t_limit
+from rig.fitter.arrays import FloatArray
+from rig.fitter.history.components import Between, fit
+from rig.fitter.history.series import Series
+from rig.fitter.quantiles import t_limit
 
 FEWEST = 3
 WARNING, ACTION = 0.95, 0.997

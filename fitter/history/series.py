@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.checked import finite
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray
+from rig.fitter.checked import finite
+from rig.fitter.errors import FitError
 
 
 @dataclass(frozen=True, eq=False)

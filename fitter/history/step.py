@@ -7,9 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.history.components import Between, Profile
-from fitter.history.series import Series
+from rig.fitter.arrays import FloatArray
+from rig.fitter.history.components import Between, Profile
+from rig.fitter.history.series import Series
 
 FEWEST = 4
 _DRAWS = 9999

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.history.components import Between, fit
-from fitter.history.draws import draw
-from fitter.history.series import Series
-from fitter.quantiles import t_limit, t_tail
+from rig.fitter.history.components import Between, fit
+from rig.fitter.history.draws import draw
+from rig.fitter.history.series import Series
+from rig.fitter.quantiles import t_limit, t_tail
 
 FEWEST = 3
 

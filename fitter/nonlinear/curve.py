@@ -9,18 +9,18 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fitter.arithmetic import Expression
-from fitter.arithmetic_text import parse_expression
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.formula import RowError
+from rig.fitter.arithmetic import Expression
+from rig.fitter.arithmetic_text import parse_expression
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.formula import RowError
 
 _STEP = 1e-30
 """Imaginary step of a derivative; its relative error is of the size of rounding."""
 
 
 class Curve(Protocol):
-    """A response as a function of columns and parameters. `fitter.formula.Formula` is one that is linear in them."""
+    """A response as a function of columns and parameters. A `rig.fitter.formula.Formula` is linear in them."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -109,7 +109,7 @@ class WrittenCurve(ByStep):
 
     @staticmethod
     def parse(text: str, named: Sequence[str]) -> WrittenCurve:
-        """Read the arithmetic of `fitter.formula`.
+        """Read the arithmetic of `rig.fitter.formula`.
 
         Raises:
             FormulaError: it violates the grammar.

@@ -15,11 +15,11 @@ from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from fitter.nonlinear.nearest import Measured
-from fitter.nonlinear.problems import Distance, Weighted
-from fitter.nonlinear.solve import Solved, solve, solved_at
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.fitter.nonlinear.nearest import Measured
+from rig.fitter.nonlinear.problems import Distance, Weighted
+from rig.fitter.nonlinear.solve import Solved, solve, solved_at
 
 _SUBSETS, _BEST, _KICKS, _KICKED, _ROUNDS = 120, 6, 30, 4, 4
 _SCALES, _SLOPES = (0.03, 0.3), 3

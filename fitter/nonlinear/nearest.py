@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.nonlinear.curve import Curve, Each
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.nonlinear.curve import Curve, Each
 
 _PASSES, _QUARTER = 8, 0.25
 _STEPS, _NEAR, _LAST = 100, 1e-10, 1e-15

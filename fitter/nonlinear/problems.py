@@ -10,10 +10,10 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from fitter.nonlinear.curve import Curve
-from fitter.nonlinear.nearest import Measured
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.fitter.nonlinear.curve import Curve
+from rig.fitter.nonlinear.nearest import Measured
 
 
 class Problem(Protocol):

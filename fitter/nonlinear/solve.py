@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.linear import LinearFit, least_squares
-from fitter.nonlinear.problems import Problem
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.linear import LinearFit, least_squares
+from rig.fitter.nonlinear.problems import Problem
 
 CONVERGED = 1e-5
 """Maximum relative offset of Bates and Watts (1981): how far the residuals are from orthogonal to the tangent plane, in

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.split_plot.spectrum import Spectrum
+from rig.fitter.arrays import FloatArray
+from rig.fitter.split_plot.spectrum import Spectrum
 
 
 @dataclass(frozen=True, eq=False)

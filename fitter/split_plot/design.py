@@ -9,15 +9,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from fitter.split_plot.batch import SplitPlotBatch
-from fitter.split_plot.fit import SplitPlotFit
-from fitter.split_plot.nested import NestedProfile
-from fitter.split_plot.plan import Precision, forecast
-from fitter.split_plot.profile import Profile
-from fitter.split_plot.spectrum import FixedPart, Spectrum
-from fitter.split_plot.structure import Nesting, Variances
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.fitter.split_plot.batch import SplitPlotBatch
+from rig.fitter.split_plot.fit import SplitPlotFit
+from rig.fitter.split_plot.nested import NestedProfile
+from rig.fitter.split_plot.plan import Precision, forecast
+from rig.fitter.split_plot.profile import Profile
+from rig.fitter.split_plot.spectrum import FixedPart, Spectrum
+from rig.fitter.split_plot.structure import Nesting, Variances
 
 EPS = float(np.finfo(float).eps)
 

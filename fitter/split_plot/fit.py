@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.quantiles import t_limit
-from fitter.split_plot.kenward_roger import KenwardRoger, ScaledF, selection
-from fitter.split_plot.precision import Moments, inverse_of
-from fitter.split_plot.structure import Nesting, Structure, Variances
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.quantiles import t_limit
+from rig.fitter.split_plot.kenward_roger import KenwardRoger, ScaledF, selection
+from rig.fitter.split_plot.precision import Moments, inverse_of
+from rig.fitter.split_plot.structure import Nesting, Structure, Variances
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.quantiles import f_tail
-from fitter.split_plot.precision import Moments
+from rig.fitter.arrays import FloatArray
+from rig.fitter.quantiles import f_tail
+from rig.fitter.split_plot.precision import Moments
 
 NO_MEAN = 0.01
 """Distance from two degrees of freedom within which F has no mean for scaling; pbkrtest leaves it unscaled."""

@@ -13,9 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.split_plot.profile import Profile
-from fitter.split_plot.spectrum import Spectrum
+from rig.fitter.arrays import FloatArray
+from rig.fitter.split_plot.profile import Profile
+from rig.fitter.split_plot.spectrum import Spectrum
 
 GRID = np.geomspace(1e-3, 1e9, 49)
 """Grid of ratios times the largest eigenvalue of their own error; neighbours differ by a factor of 1.78."""

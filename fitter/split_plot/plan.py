@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.split_plot.precision import Moments
-from fitter.split_plot.structure import Nesting, Variances
+from rig.fitter.arrays import FloatArray
+from rig.fitter.split_plot.precision import Moments
+from rig.fitter.split_plot.structure import Nesting, Variances
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from fitter.arrays import FloatArray
-from fitter.split_plot.structure import Structure
+from rig.fitter.arrays import FloatArray
+from rig.fitter.split_plot.structure import Structure
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
+from rig.fitter.arrays import FloatArray, IntArray
 
 GRID = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 64)])
 """Grid of ratios times the largest eigenvalue xi_1."""

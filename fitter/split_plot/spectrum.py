@@ -17,8 +17,8 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dtrtri
 
-from fitter.arrays import FloatArray
-from fitter.linear import least_squares
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import least_squares
 
 
 @dataclass(frozen=True, eq=False)

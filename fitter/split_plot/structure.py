@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.split_plot.spectrum import FixedPart, Spectrum
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.split_plot.spectrum import FixedPart, Spectrum
 
 
 @dataclass(frozen=True)

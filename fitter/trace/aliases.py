@@ -15,10 +15,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.effects.entry import Entry
-from fitter.trace.signs import SURE, Impossible, impossible
-from fitter.trace.whitened import Whitened
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.effects.entry import Entry
+from rig.fitter.trace.signs import SURE, Impossible, impossible
+from rig.fitter.trace.whitened import Whitened
 
 BoolArray = NDArray[np.bool_]
 Path = dict[tuple[int, ...], float]

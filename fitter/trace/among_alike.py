@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 SIZES = 4.0 ** np.arange(-1, 5)
 """Variances of a shape that are tried, over that of an error."""

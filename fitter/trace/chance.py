@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 ALPHA = 0.035
 

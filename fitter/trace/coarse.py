@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 LEAST, MOST = 0.7, 15.0
 """Searched steps, over the standard error of a row."""

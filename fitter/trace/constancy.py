@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.trace.flexible import Block, waves
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.flexible import Block, waves
 
 ENDS = 2
 """Number of half waves over a variable: larger at one end, larger in the middle."""

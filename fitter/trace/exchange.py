@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
-from fitter.trace.aliases import DELTA, PER_COLUMN
-from fitter.trace.flexible import NOTHING_LEFT, Block
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.aliases import DELTA, PER_COLUMN
+from rig.fitter.trace.flexible import NOTHING_LEFT, Block
 
 
 def stands_in(

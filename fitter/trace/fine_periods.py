@@ -10,10 +10,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.resolution import resolution
-from fitter.trace.flexible import Block, Remainder, turns
-from fitter.trace.lines import Line, folded
+from rig.fitter.arrays import FloatArray
+from rig.fitter.resolution import resolution
+from rig.fitter.trace.flexible import Block, Remainder, turns
+from rig.fitter.trace.lines import Line, folded
 
 HARMONICS = 3
 ORDERS = (2, 2 * HARMONICS)

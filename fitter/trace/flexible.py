@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
 
 NOTHING_LEFT = 1e-2
 """Minimum remaining share of a column beside the model."""

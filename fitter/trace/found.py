@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
-from fitter.json_values import JsonValue
-from fitter.trace.aliases import Rival
-from fitter.trace.outcome import Finding, Parameter, WithError
-from fitter.trace.shape import Shape
+from rig.fitter.json_values import JsonValue
+from rig.fitter.trace.aliases import Rival
+from rig.fitter.trace.outcome import Finding, Parameter, WithError
+from rig.fitter.trace.shape import Shape
 
 CONFIRMED = 0.8
 """Left-out error after over before, above which the effects do not generalise to left-out data."""
@@ -32,7 +32,7 @@ class Found:
         p_adjusted_is_bound: whether the probability is only known to be at most `p_adjusted`, by the number of
             simulations.
         share: its share of the sensor's whole error beyond scatter; the sum over all effects is at most one
-            (`fitter.trace.shares`).
+            (`rig.fitter.trace.shares`).
         aliases: other effects that the data cannot distinguish from it.
         separation: standard errors by which every other explanation is worse, by effect.
         separate_by: the measurement that would separate it from its aliases, with the expected size.

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.trace.chance import ALPHA, COUNTED
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.chance import ALPHA, COUNTED
 
 STEEPEST = 1e3
 """Growth per unit of the driver relative to the noise at zero below which it is negligible."""

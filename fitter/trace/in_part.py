@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
-from fitter.trace.flexible import NOTHING_LEFT
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.flexible import NOTHING_LEFT
 
 FEWEST = 16
 """Rows of a part, at least."""

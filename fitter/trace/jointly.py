@@ -18,9 +18,9 @@ from itertools import combinations_with_replacement
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.scatter import mean_ranks
-from fitter.trace.flexible import LEAST_DF, NOTHING_LEFT
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.scatter import mean_ranks
+from rig.fitter.trace.flexible import LEAST_DF, NOTHING_LEFT
 
 PER_COLUMN, MOST_COLUMNS, MOST_DEGREE = 4, 60, 12
 """Rows for each column of polynomials, at least; most columns, and largest total degree."""
@@ -184,7 +184,7 @@ def _unit(columns: FloatArray, length: FloatArray) -> FloatArray:
     """(n, rank) orthonormal basis of columns (n, m) that had these lengths before the model was taken out of them.
 
     By their products: polynomials of quantities in -1 to 1 are far from dependent, and many rows take a fifth of the
-    time of `fitter.linear.orthonormal`.
+    time of `rig.fitter.linear.orthonormal`.
     """
     scaled = columns / np.where(length > 0.0, length, 1.0)
     values, vectors = np.linalg.eigh(scaled.T @ scaled)

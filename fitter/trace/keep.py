@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.chance import ALPHA
-from fitter.trace.not_kept import NotKept
-from fitter.trace.search import Judge, prune
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.not_kept import NotKept
+from rig.fitter.trace.search import Judge, prune
 
 SAME = 1e-9
 """Relative difference below which two errors are equal."""

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
+from rig.fitter.arrays import FloatArray, IntArray
 
 LIMITS = ((0.25, 0.75), (0.25, 0.5), (0.5, 0.75))
 """Lower and upper limit of each latch, as parts of the variable's range."""

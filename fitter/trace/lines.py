@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
+from rig.fitter.arrays import FloatArray, IntArray
 
 ABOUT = 20
 """Number of frequencies on each side for the comparison of power."""

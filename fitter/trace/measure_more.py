@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
+from rig.fitter.arrays import FloatArray, IntArray
 
 PLACES = 3
 """Places that are proposed."""

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.found import Unnamed
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.found import Unnamed
 
 DEPENDENT = 1e-6
 """Minimum share of a column's length outside the columns before it; less is a combination of them and rounding."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any, Literal, Self
 
-from fitter.arrays import FloatArray
-from fitter.json_values import JsonValue
-from fitter.trace.shape import Shape
+from rig.fitter.arrays import FloatArray
+from rig.fitter.json_values import JsonValue
+from rig.fitter.trace.shape import Shape
 
 Kind = Literal["effect", "noise", "unnamed"]
 
@@ -75,7 +75,7 @@ class WithError:
 
     @classmethod
     def of_json(cls, row: Any) -> Self:
-        """From a row of a table of coefficients or parameters (`procedures.attitude.fit`)."""
+        """From a row of a table of coefficients or parameters (`rig.procedures.attitude.fit`)."""
         ends = row.get("interval95")
         return cls(row["estimate"], row["stderr"], row.get("df"), None if ends is None else (ends[0], ends[1]))
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
-from fitter.trace.aliases import Named, Rival
-from fitter.trace.signs import Impossible, Refused, refused
+from rig.fitter.trace.aliases import Named, Rival
+from rig.fitter.trace.signs import Impossible, Refused, refused
 
 
 class SignedJudge(Protocol):

@@ -1,8 +1,8 @@
 """Short periods in time with overtones: pulses, of one sign or both, that come again within a few waits for a reading.
 
 Readings whose waits are all alike do not tell a period from its alias of two waits or more, and show a sine of it at
-most (`fitter.trace.lines`). Waits that differ tell periods down to a usual wait (Eyer and Bartholdi, Astron. Astrophys.
-Suppl. 135 (1999) 1), and then a row's place in the period shows what happens within it.
+most (`rig.fitter.trace.lines`). Waits that differ tell periods down to a usual wait (Eyer and Bartholdi, Astron.
+Astrophys. Suppl. 135 (1999) 1), and then a row's place in the period shows what happens within it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 HARMONICS = 3
 """Sines of a period, its half and its third."""

@@ -9,8 +9,8 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from fitter.trace.aliases import Named, Rival, simplest
-from fitter.trace.chance import ALPHA
+from rig.fitter.trace.aliases import Named, Rival, simplest
+from rig.fitter.trace.chance import ALPHA
 
 MOST = 16
 """Maximum number of terms: beyond it the declared model is not a model of these data."""

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.trace.flexible import DECAYS, HYPER, SIZES
-from fitter.trace.measure_more import Added, measure_more
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.flexible import DECAYS, HYPER, SIZES
+from rig.fitter.trace.measure_more import Added, measure_more
 
 OWN_CELLS, CELLS = 40, 24
 """Distinct values of a variable with a cell each, at most; cells of equal numbers of rows where there are more."""
@@ -231,7 +231,7 @@ def shape_of(
 def smoothed(y: FloatArray, columns: FloatArray, roughness: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     """Mean (q,) and covariance (q, q) of the coefficients of smooth columns (n, q), y (n,) of unit error.
 
-    Prior as in `fitter.trace.flexible.evidence`, at its likeliest size and decay; None where that is no shape at all.
+    Prior as in `rig.fitter.trace.flexible.evidence`, at its likeliest size and decay; None where that is no shape.
     """
     typical = float(np.max(np.linalg.norm(columns, axis=0), initial=0.0))
     if typical <= 0:

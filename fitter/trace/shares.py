@@ -15,8 +15,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.found import Unnamed
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.found import Unnamed
 
 SAME = 1e-12
 """Relative squared length below which the remainder beside others is rounding."""

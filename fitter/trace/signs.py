@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 SURE = 3.0
 """Standard errors on the wrong side of zero from which a coefficient is impossible; nearer it may be zero."""

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 BEGINS = np.arange(0.0, 0.65, 0.05)
 """Tried moments, as parts of the time of the run."""

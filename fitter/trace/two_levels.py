@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 FEWEST = 24
 APART = (0.9, 1.15, 1.4, 1.6, 1.75, 1.85, 1.93, 1.98)

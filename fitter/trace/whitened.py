@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
 
 
 @dataclass(frozen=True, eq=False)

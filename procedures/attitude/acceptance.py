@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from procedures.acceptance import Verdict, gross_words
-from procedures.attitude.fitted import fit_attitude_table
-from procedures.attitude.settings import PitchRollProcedure
-from procedures.table import Table
+from rig.procedures.attitude.fitted import fit_attitude_table
+from rig.procedures.attitude.settings import PitchRollProcedure
+from rig.procedures.evaluate.acceptance import Verdict, gross_words
+from rig.procedures.tables.table import Table
 
 
 def judge(procedure: PitchRollProcedure, table: Table) -> list[Verdict]:

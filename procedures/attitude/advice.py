@@ -11,10 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter import RankError
-from procedures.advice import Advice
-from procedures.attitude.designs import Design, fraction, grid, roll_circle, tumble, uniform
-from procedures.attitude.merit import (
+from rig.fitter import RankError
+from rig.procedures.attitude.designs import Design, fraction, grid, roll_circle, tumble, uniform
+from rig.procedures.attitude.merit import (
     DesignPoints,
     Usage,
     figure_of_merit,
@@ -23,9 +22,10 @@ from procedures.attitude.merit import (
     smallest_offset_drift,
     worst_variance,
 )
-from procedures.attitude.model import attitude_columns, fit_columns
-from procedures.attitude.package_advice import Package, advise_package, not_for
-from procedures.attitude.settings import PitchRollProcedure
+from rig.procedures.attitude.model import attitude_columns, fit_columns
+from rig.procedures.attitude.package_advice import Package, advise_package, not_for
+from rig.procedures.attitude.settings import PitchRollProcedure
+from rig.procedures.plan.advice import Advice
 
 RANGE_RATIO = 1.5
 """Ratio of calibrated to used pitch range, recommendation 1."""
@@ -46,7 +46,7 @@ def advise(
         package: the sensors and their requirements; without it recommendations 8 to 10 do not apply.
 
     Raises:
-        fitter.linear.RankError: the design does not determine a sensor.
+        rig.fitter.linear.RankError: the design does not determine a sensor.
     """
     design, points = procedure.design.build(), design_points(procedure)
     fit_columns(points.columns(), np.zeros(points.points))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 
 def sin_cos(angle_deg: ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -13,29 +13,29 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitter.budget import TypeA
-from fitter.errors import FitError
-from fitter.linear import orthonormal
-from fitter.strata import DIFFER, by_side, reversed_by
-from fitter.sums_of_squares import FTest, off
-from procedures.attitude.data import AttitudeData, settings
-from procedures.attitude.fit import AttitudeFit, fit_all
-from procedures.attitude.infer import AttitudeCalibration
-from procedures.attitude.infer.calibrate import calibrate_package, told_of_drift
-from procedures.attitude.influences import levelled
-from procedures.attitude.model import attitude_columns
-from procedures.attitude.results import PITCH, ROLL, Model
-from procedures.attitude.table import attitude_data
-from procedures.attitude.temperature import Temperature
-from procedures.budgeting import SCATTER, Evaluation, Results, Shift, Shifts, no_error
-from procedures.errors import DataError
-from procedures.reversibility import in_words, line_of
-from procedures.scatter import Scatter, scatter
-from procedures.table import SENSOR_TEMPERATURE, Columns, Table
+from rig.fitter.budget import TypeA
+from rig.fitter.errors import FitError
+from rig.fitter.linear import orthonormal
+from rig.fitter.strata import DIFFER, by_side, reversed_by
+from rig.fitter.sums_of_squares import FTest, off
+from rig.procedures.attitude.data import AttitudeData, settings
+from rig.procedures.attitude.fit import AttitudeFit, fit_all
+from rig.procedures.attitude.infer import AttitudeCalibration
+from rig.procedures.attitude.infer.calibrate import calibrate_package, told_of_drift
+from rig.procedures.attitude.influences import levelled
+from rig.procedures.attitude.model import attitude_columns
+from rig.procedures.attitude.results import PITCH, ROLL, Model
+from rig.procedures.attitude.table import attitude_data
+from rig.procedures.attitude.temperature import Temperature
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.budgeting import SCATTER, Evaluation, Results, Shift, Shifts, no_error
+from rig.procedures.evaluate.reversibility import in_words, line_of
+from rig.procedures.evaluate.scatter import Scatter, scatter
+from rig.procedures.tables.table import SENSOR_TEMPERATURE, Columns, Table
 
 if TYPE_CHECKING:
-    from fitter.arrays import FloatArray, IntArray
-    from procedures.stated import PlaceConstant
+    from rig.fitter.arrays import FloatArray, IntArray
+    from rig.procedures.evaluate.stated import PlaceConstant
 
 _STEP = 1e-6
 
@@ -325,7 +325,7 @@ def attitude_evaluation(
     """
     made: type[AttitudeEvaluation] = AttitudeEvaluation
     if traced:
-        from procedures.attitude.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
+        from rig.procedures.attitude.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
 
         made = TracedEvaluation
 

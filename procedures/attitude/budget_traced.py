@@ -10,16 +10,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.budget import TypeA
-from procedures.attitude.budget import AttitudeEvaluation
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.fitted import traced_effects
-from procedures.attitude.infer import AttitudeCalibration
-from procedures.attitude.infer.traced import calibrate_traced
-from procedures.attitude.results import Model
-from procedures.budgeting import alike
+from rig.fitter.arrays import FloatArray
+from rig.fitter.budget import TypeA
+from rig.procedures.attitude.budget import AttitudeEvaluation
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects import CATALOGUE
+from rig.procedures.attitude.fitted import traced_effects
+from rig.procedures.attitude.infer import AttitudeCalibration
+from rig.procedures.attitude.infer.traced import calibrate_traced
+from rig.procedures.attitude.results import Model
+from rig.procedures.evaluate.budgeting import alike
 
 
 class TracedEvaluation(AttitudeEvaluation):

@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.quantiles import t_limit
-from procedures.attitude.fitted import with_temperature
-from procedures.attitude.history import AttitudeCharted, Calibrated, attitude_charted, calibrated, calibrated_from
-from procedures.attitude.infer.calibrate import OFFSET, SENSITIVITY
-from procedures.attitude.table import attitude_data
-from procedures.charting import Calibrations, Charting, Shown, View
-from procedures.errors import DataError
-from procedures.table import Table
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.quantiles import t_limit
+from rig.procedures.attitude.fitted import with_temperature
+from rig.procedures.attitude.history import AttitudeCharted, Calibrated, attitude_charted, calibrated, calibrated_from
+from rig.procedures.attitude.infer.calibrate import OFFSET, SENSITIVITY
+from rig.procedures.attitude.table import attitude_data
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.charting import Calibrations, Charting, Shown, View
+from rig.procedures.tables.table import Table
 
 _NO_ROLL = "attitude-no-roll"
 _PITCHES, _ROLLS = 5, 12
@@ -28,7 +28,7 @@ sensor exceeds it.
 
 
 class AttitudeCharting(Charting):
-    """See `procedures.charting.Charting`."""
+    """See `rig.procedures.evaluate.charting.Charting`."""
 
     at_one_temperature = True
 

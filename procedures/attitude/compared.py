@@ -8,16 +8,16 @@ from typing import IO, Any
 
 from rich.markup import escape
 
-from procedures.attitude.advice import design_points, usage_of
-from procedures.attitude.merit import Comparison, Curve, Recommendation, Usage, compare, curve, recommend
-from procedures.attitude.settings import PitchRollProcedure
-from procedures.blocks import Block, Grid, Line
-from procedures.numbers import number
+from rig.procedures.attitude.advice import design_points, usage_of
+from rig.procedures.attitude.merit import Comparison, Curve, Recommendation, Usage, compare, curve, recommend
+from rig.procedures.attitude.settings import PitchRollProcedure
+from rig.procedures.present.blocks import Block, Grid, Line
+from rig.procedures.present.numbers import number
 
 
 @dataclass(frozen=True)
 class DesignsCompared:
-    """See `procedures.results.Compared`."""
+    """See `rig.procedures.evaluate.results.Compared`."""
 
     rows: Sequence[Comparison]
     hours: Sequence[float]
@@ -59,7 +59,7 @@ class DesignsCompared:
 
     def draw(self, file: IO[bytes]) -> None:
         """Standard deviation over pitch, as in the paper's figures 1 to 5."""
-        from procedures.pictures import side_by_side  # noqa: PLC0415 - plots take a second to import
+        from rig.procedures.present.pictures import side_by_side  # noqa: PLC0415 - plots take a second to import
 
         figure, (axis,) = side_by_side(3.6, 1, width=7.0)
         for one in self.curves:
@@ -79,7 +79,7 @@ def compare_designs(
     usage_deg: float | None,
     hours: Sequence[float],
 ) -> DesignsCompared:
-    """Compare procedures over the range of use of the first, or within 30 deg; see `procedures.kind.Kind.compare`."""
+    """Compare procedures over the range of use of the first, or 30 deg. See `rig.procedures.kind.Kind.compare`."""
     usage = usage_of(procedures[0], usage_deg) or Usage.within(30.0)
     designs = [replace(design_points(p), name=name) for p, name in zip(procedures, names, strict=True)]
     sigma = procedures[0].expect.sigma_deg

@@ -1,4 +1,4 @@
-"""A traced attitude run as the first of two. See `procedures.confirming.Confirming`."""
+"""A traced attitude run as the first of two. See `rig.procedures.evaluate.confirming.Confirming`."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.confirm import CARRIED_ON, Confirmation, Later, Question
-from fitter.effects.entry import Entry
-from fitter.effects.hands import Done
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import CATALOGUE, Effect, separate
-from procedures.attitude.evaluate import AttitudeTraced
-from procedures.attitude.fitted import AttitudeFitted, fit_attitude_table
-from procedures.attitude.model import mounting_matrix
-from procedures.attitude.options import FitOptions
-from procedures.attitude.parameters import SCALE, UNIT
-from procedures.attitude.settings import DesignSettings, PitchRollProcedure
-from procedures.attitude.table import attitude_data
-from procedures.attitude.together import AttitudeTogether, mountings
-from procedures.confirming import SETTLED, Confirming, in_words
-from procedures.errors import DataError
-from procedures.further_runs import Variation, repeated
-from procedures.run_list import RunList
-from procedures.table import Table
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.confirm import CARRIED_ON, Confirmation, Later, Question
+from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.hands import Done
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects import CATALOGUE, Effect, separate
+from rig.procedures.attitude.evaluate import AttitudeTraced
+from rig.procedures.attitude.fitted import AttitudeFitted, fit_attitude_table
+from rig.procedures.attitude.model import mounting_matrix
+from rig.procedures.attitude.options import FitOptions
+from rig.procedures.attitude.parameters import SCALE, UNIT
+from rig.procedures.attitude.settings import DesignSettings, PitchRollProcedure
+from rig.procedures.attitude.table import attitude_data
+from rig.procedures.attitude.together import AttitudeTogether, mountings
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.confirming import SETTLED, Confirming, in_words
+from rig.procedures.plan.further_runs import Variation, repeated
+from rig.procedures.plan.run_list import RunList
+from rig.procedures.tables.table import Table
 
 PACKAGE_S = 1200.0
 """Time constant of a package behind its enclosure, seconds: a run begins before a change has decayed."""
@@ -41,7 +41,7 @@ GOES_ON = 0.0, 0.5, 1.0
 
 @dataclass(frozen=True, eq=False)
 class AttitudeConfirming(Confirming):
-    """See `procedures.confirming.Confirming`."""
+    """See `rig.procedures.evaluate.confirming.Confirming`."""
 
     traced: AttitudeTraced
     earlier: tuple[Later, ...] = ()

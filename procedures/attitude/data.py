@@ -10,12 +10,12 @@ from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.checked import finite, whole
-from fitter.errors import FitError
-from fitter.replication import Rows
-from procedures.attitude.angles import sin_cos
-from procedures.attitude.model import attitude_columns
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.checked import finite, whole
+from rig.fitter.errors import FitError
+from rig.fitter.replication import Rows
+from rig.procedures.attitude.angles import sin_cos
+from rig.procedures.attitude.model import attitude_columns
 
 SAME_ANGLE_DEG = 0.02
 """Angles closer than this are one setting of the head: far above readback noise, far below a design's step."""

@@ -1,7 +1,7 @@
 """Pitch-roll experimental designs of NASA/TP-1999-209835, sections 4.1 and 7.
 
 A design is a grid of pitch rows and roll columns of which some cells are kept; the order of visits is in
-`procedures.attitude.orders`.
+`rig.procedures.attitude.orders`.
 """
 
 from __future__ import annotations

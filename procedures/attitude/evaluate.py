@@ -9,28 +9,28 @@ from typing import Any
 
 import numpy as np
 
-from fitter.effects.entry import Entry
-from fitter.effects.sizes import size_95
-from fitter.errors import FitError
-from fitter.quantiles import t_limit
-from fitter.trace.outcome import Finding, Outcome, run_json
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import CATALOGUE, Effect
-from procedures.attitude.fit import AttitudeFit, fit_attitude
-from procedures.attitude.fitted import effects_of, with_temperature
-from procedures.attitude.infer import AttitudeCalibration
-from procedures.attitude.infer.traced import calibrate_traced, covering_parameters
-from procedures.attitude.rows import effect_figures, parameter_rows
-from procedures.attitude.table import KNOWN, UNIT, attitude_data
-from procedures.attitude.trace import FoundEffect, SensorTrace, Trace, trace
-from procedures.blocks import Block
-from procedures.catalogue import with_own
-from procedures.certificate import Change, Errors, certified, with_words
-from procedures.errors import DataError
-from procedures.results import Page
-from procedures.table import Table
-from procedures.unused import unused_in_fit
-from procedures.words import doubts_of, noise_of, part, verdict
+from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.sizes import size_95
+from rig.fitter.errors import FitError
+from rig.fitter.quantiles import t_limit
+from rig.fitter.trace.outcome import Finding, Outcome, run_json
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects import CATALOGUE, Effect
+from rig.procedures.attitude.fit import AttitudeFit, fit_attitude
+from rig.procedures.attitude.fitted import effects_of, with_temperature
+from rig.procedures.attitude.infer import AttitudeCalibration
+from rig.procedures.attitude.infer.traced import calibrate_traced, covering_parameters
+from rig.procedures.attitude.rows import effect_figures, parameter_rows
+from rig.procedures.attitude.table import KNOWN, UNIT, attitude_data
+from rig.procedures.attitude.trace import FoundEffect, SensorTrace, Trace, trace
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.catalogue import with_own
+from rig.procedures.evaluate.certificate import Change, Errors, certified, with_words
+from rig.procedures.evaluate.results import Page
+from rig.procedures.present.blocks import Block
+from rig.procedures.present.words import doubts_of, noise_of, part, verdict
+from rig.procedures.tables.table import Table
+from rig.procedures.tables.unused import unused_in_fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class AttitudeTraced:
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from procedures.attitude.shown import show_attitude_trace  # noqa: PLC0415 - which needs this class
+        from rig.procedures.attitude.shown import show_attitude_trace  # noqa: PLC0415 - which needs this class
 
         return show_attitude_trace(self)
 
@@ -98,7 +98,7 @@ class AttitudeTraced:
 
     def page(self) -> Page:
         """Its report."""
-        from procedures.attitude.report import trace_page  # noqa: PLC0415 - plots take a second to import
+        from rig.procedures.attitude.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
         return trace_page(self)
 
@@ -114,7 +114,7 @@ class AttitudeTraced:
         """Calibration of `rig fit --traced` from the same table.
 
         Raises:
-            fitter.linear.RankError: the points do not determine the model with the effects found.
+            rig.fitter.linear.RankError: the points do not determine the model with the effects found.
         """
         return calibrate_traced(self.data, *effects_of(self.trace, {}), temperature=self.temperature)
 

@@ -6,17 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.attitude.infer import AttitudeCalibration
-from procedures.attitude.model import attitude_columns, mounting_matrix
-from procedures.expected import Columns, Expected
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.infer import AttitudeCalibration
+from rig.procedures.attitude.model import attitude_columns, mounting_matrix
+from rig.procedures.plan.expected import Columns, Expected
 
 PITCH, ROLL, SENSOR = "pitch_deg", "roll_deg", "sensor_temperature_degC"
 _TO_GRAVITY = np.array([1.0, -1.0, -1.0])
 
 
 def expected(calibration: AttitudeCalibration, columns: Columns, mounting: Mapping[str, float]) -> dict[str, Expected]:
-    """See `procedures.expected.Expecting`."""
+    """See `rig.procedures.plan.expected.Expecting`."""
     if PITCH not in columns or ROLL not in columns:
         return {}
     g = attitude_columns(columns[PITCH], columns[ROLL])[:, 1:] * _TO_GRAVITY

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter import LinearFit
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from fitter.json_values import JsonValue, if_finite
-from fitter.misfit import covered, lacks_fit, reach_of_misfit
-from fitter.quantiles import t_limit
-from fitter.replication import Replication, analyse, between_replications
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.model import (
+from rig.fitter import LinearFit
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.fitter.json_values import JsonValue, if_finite
+from rig.fitter.misfit import covered, lacks_fit, reach_of_misfit
+from rig.fitter.quantiles import t_limit
+from rig.fitter.replication import Replication, analyse, between_replications
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.model import (
     AttitudeParameters,
     Interval,
     NoRollParameters,
@@ -27,7 +27,7 @@ from procedures.attitude.model import (
     sensitive_axis,
     sigma_deg,
 )
-from procedures.attitude.temperature import Temperature
+from rig.procedures.attitude.temperature import Temperature
 
 _DRIFTS = 0.05
 _SIGMAS = ("sigma_E", "sigma_bias", "sigma_prec", "sigma_b", "sigma_S")
@@ -40,7 +40,7 @@ class AttitudeFit:
     Attributes:
         sensor: column name of its output.
         model: "attitude-x", "attitude-y", "attitude-z" or "attitude-no-roll".
-        linear: the least-squares fit of `procedures.attitude.model.COLUMNS`, in volts.
+        linear: the least-squares fit of `rig.procedures.attitude.model.COLUMNS`, in volts.
         parameters: the paper's parameters. If replications drift (`drifts`), with errors from the replications,
             otherwise from the residuals.
         parameters_df: degrees of freedom of these errors.
@@ -167,7 +167,7 @@ def fit_attitude(
 
     Raises:
         KeyError: `data` has no such output.
-        fitter.linear.RankError: the points do not determine the model.
+        rig.fitter.linear.RankError: the points do not determine the model.
         FitError: the output never changes, or there is no temperature to fit.
     """
     output = data.outputs[sensor]

@@ -10,26 +10,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitter.errors import FitError
-from procedures.attitude.fit import AttitudeFit, at_temperature, fit_all
-from procedures.attitude.gross import of_attitude
-from procedures.attitude.infer.traced import Volts, calibrate_traced, covering_parameters
-from procedures.attitude.table import KNOWN, UNIT, attitude_data
-from procedures.blocks import Block, headline
-from procedures.catalogue import with_own
-from procedures.effects_shown import show_confirmed
-from procedures.errors import DataError
-from procedures.left_out import FitSummary, LeaveOut, Searched, kept_with, search
-from procedures.results import PlainFitted
-from procedures.unused import unused_in_fit
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.fit import AttitudeFit, at_temperature, fit_all
+from rig.procedures.attitude.gross import of_attitude
+from rig.procedures.attitude.infer.traced import Volts, calibrate_traced, covering_parameters
+from rig.procedures.attitude.table import KNOWN, UNIT, attitude_data
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.catalogue import with_own
+from rig.procedures.evaluate.left_out import FitSummary, LeaveOut, Searched, kept_with, search
+from rig.procedures.evaluate.results import PlainFitted
+from rig.procedures.present.blocks import Block, headline
+from rig.procedures.present.effects_shown import show_confirmed
+from rig.procedures.tables.unused import unused_in_fit
 
 if TYPE_CHECKING:
-    from fitter.arrays import FloatArray
-    from fitter.effects.entry import Entry
-    from procedures.attitude.data import AttitudeData
-    from procedures.attitude.infer import AttitudeCalibration
-    from procedures.attitude.trace import Trace
-    from procedures.table import Table
+    from rig.fitter.arrays import FloatArray
+    from rig.fitter.effects.entry import Entry
+    from rig.procedures.attitude.data import AttitudeData
+    from rig.procedures.attitude.infer import AttitudeCalibration
+    from rig.procedures.attitude.trace import Trace
+    from rig.procedures.tables.table import Table
 
 ABSOLUTE_ZERO_DEGC = -273.15
 
@@ -161,8 +161,8 @@ def traced_effects(data: AttitudeData, *, temperature: bool) -> tuple[Volts, Oth
 
 def _trace_of(data: AttitudeData, own: Sequence[Entry], *, temperature: bool) -> Trace:
     """A trace for its effects, without the left-out error, which is not reported."""
-    from procedures.attitude.effects import CATALOGUE, Effect  # noqa: PLC0415 - few fits need a trace
-    from procedures.attitude.trace import trace  # noqa: PLC0415
+    from rig.procedures.attitude.effects import CATALOGUE, Effect  # noqa: PLC0415 - few fits need a trace
+    from rig.procedures.attitude.trace import trace  # noqa: PLC0415
 
     return trace(data, with_own(CATALOGUE, own, Effect), temperature=temperature, validate=False)
 
@@ -214,7 +214,7 @@ class AttitudeFitted(PlainFitted):
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from procedures.attitude.shown import show_attitude_fit  # noqa: PLC0415 - which needs this module
+        from rig.procedures.attitude.shown import show_attitude_fit  # noqa: PLC0415 - which needs this module
 
         yield headline(PurePath(self.table.source).name, self.table)
         yield from show_attitude_fit(self.result)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from procedures.words import significant
+from rig.procedures.present.words import significant
 
 _AS_GOOD = 1.02
 """Limit of the ratio of standard errors of all data, with a fraction's and with their own coefficients; the paper has

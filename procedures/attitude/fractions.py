@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from procedures.attitude.data import AttitudeData, settings
-from procedures.attitude.fit import AttitudeFit, fit_attitude
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.data import AttitudeData, settings
+from rig.procedures.attitude.fit import AttitudeFit, fit_attitude
 
 Cell = tuple[int, int]
 NAN = float("nan")
@@ -138,7 +138,7 @@ def fit_part(
         temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
 
     Raises:
-        fitter.linear.RankError: the part does not determine the model.
+        rig.fitter.linear.RankError: the part does not determine the model.
         FitError: the output never changes, or there is no temperature to fit.
     """
     part = data if rows is None else data.take(np.flatnonzero(rows))

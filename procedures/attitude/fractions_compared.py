@@ -13,21 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.json_values import if_finite
-from procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
-from procedures.attitude.designs import Design, fraction, grid, tumble
-from procedures.attitude.fitted import with_temperature
-from procedures.attitude.fraction_advice import advised, sentence, settings
-from procedures.attitude.fractions import Cell, MeasuredGrid, PartFit, fit_part
-from procedures.attitude.model import sigma_deg
-from procedures.attitude.table import KNOWN, UNIT, attitude_data
-from procedures.blocks import Block
-from procedures.errors import DataError
-from procedures.results import PlainFitted
-from procedures.table import Table
-from procedures.unused import unused_in_fit
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.json_values import if_finite
+from rig.procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
+from rig.procedures.attitude.designs import Design, fraction, grid, tumble
+from rig.procedures.attitude.fitted import with_temperature
+from rig.procedures.attitude.fraction_advice import advised, sentence, settings
+from rig.procedures.attitude.fractions import Cell, MeasuredGrid, PartFit, fit_part
+from rig.procedures.attitude.model import sigma_deg
+from rig.procedures.attitude.table import KNOWN, UNIT, attitude_data
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.results import PlainFitted
+from rig.procedures.present.blocks import Block
+from rig.procedures.tables.table import Table
+from rig.procedures.tables.unused import unused_in_fit
 
 FAMILY, TUMBLE = "fraction", "tumble"
 _DESIGN_T = ("T", "T6", "T4")
@@ -278,6 +278,6 @@ class FractionsCompared(PlainFitted):
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from procedures.attitude.fractions_shown import show_fractions  # noqa: PLC0415 - which needs this module
+        from rig.procedures.attitude.fractions_shown import show_fractions  # noqa: PLC0415 - which needs this module
 
         return show_fractions(PurePath(self.table.source).name, self.table, self.result, self.which)

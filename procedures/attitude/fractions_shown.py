@@ -7,14 +7,14 @@ from typing import Any
 
 from rich.markup import escape
 
-from fitter.rounding import with_error
-from procedures.attitude.fractions_compared import FAMILY
-from procedures.attitude.parameters import LABELS, shown
-from procedures.blocks import Block, Grid, Line, headline
-from procedures.durations import duration
-from procedures.numbers import number
-from procedures.table import Table
-from procedures.words import TESTS, significant
+from rig.fitter.rounding import with_error
+from rig.procedures.attitude.fractions_compared import FAMILY
+from rig.procedures.attitude.parameters import LABELS, shown
+from rig.procedures.present.blocks import Block, Grid, Line, headline
+from rig.procedures.present.durations import duration
+from rig.procedures.present.numbers import number
+from rig.procedures.present.words import TESTS, significant
+from rig.procedures.tables.table import Table
 
 
 def show_fractions(name: str, table: Table, result: Mapping[str, Any], which: str) -> Iterator[Block]:

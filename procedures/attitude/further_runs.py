@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from procedures.attitude.designs import uniform
-from procedures.attitude.model import mounting_matrix
-from procedures.attitude.settings import DesignSettings, MountingSettings, PitchRollProcedure
-from procedures.further_runs import Limits, Variation
+from rig.procedures.attitude.designs import uniform
+from rig.procedures.attitude.model import mounting_matrix
+from rig.procedures.attitude.settings import DesignSettings, MountingSettings, PitchRollProcedure
+from rig.procedures.plan.further_runs import Limits, Variation
 
 LEAST_PITCH, LEAST_ROLL = 9, 5
 """Minimum number of angles of a thinned design: fewer do not show a shape."""
@@ -36,7 +36,7 @@ _TURNS = (
 
 
 def further_runs(first: PitchRollProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
-    """Runs after `first`, for `procedures.further_runs.possible`."""
+    """Runs after `first`, for `rig.procedures.plan.further_runs.possible`."""
     design, pitches = first.design, _pitches(first.design)
     yield from _sizes("the same again", first)
     if first.order.type != "random":

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitter.gross import GrossErrors, with_repeats
-from fitter.gross.rows import Rows
-from fitter.own_span import AT_ONCE, NO_GROUP
-from fitter.resolution import resolution
-from procedures.attitude.model import attitude_columns, fit_columns
+from rig.fitter.gross import GrossErrors, with_repeats
+from rig.fitter.gross.rows import Rows
+from rig.fitter.own_span import AT_ONCE, NO_GROUP
+from rig.fitter.resolution import resolution
+from rig.procedures.attitude.model import attitude_columns, fit_columns
 
 if TYPE_CHECKING:
-    from fitter.arrays import FloatArray
-    from procedures.attitude.data import AttitudeData
+    from rig.fitter.arrays import FloatArray
+    from rig.procedures.attitude.data import AttitudeData
 
 REPEATS = 3
 """Minimum readings of one point for a comparison with one another instead of with the model."""

@@ -1,7 +1,7 @@
 """Calibrations of an attitude sensor as charted values.
 
 The error within a calibration is not that of its pooled fit but that from its replications
-(`fitter.replication.between_replications`).
+(`rig.fitter.replication.between_replications`).
 
 Of what was kept, the JSON of `fit_attitude` and `calibrate_package`, replications one by one are not known, but the
 mean squares between them of offset and sensitivity (sigma_b, sigma_S) and of all parameters together; the last stands
@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.history import Charted, Series
-from fitter.replication import between_replications
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.fit import fit_attitude
-from procedures.attitude.infer import AttitudeCalibration, SensorModel
-from procedures.attitude.model import (
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.history import Charted, Series
+from rig.fitter.replication import between_replications
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.fit import fit_attitude
+from rig.procedures.attitude.infer import AttitudeCalibration, SensorModel
+from rig.procedures.attitude.model import (
     AXES,
     COLUMNS,
     attitude_columns,
@@ -39,7 +39,7 @@ class Calibrated:
 
     Attributes:
         model: "attitude-x", "attitude-y", "attitude-z" or "attitude-no-roll".
-        coefficients: (k,) of `procedures.attitude.model.COLUMNS`, V.
+        coefficients: (k,) of `rig.procedures.attitude.model.COLUMNS`, V.
         shape: (k, k) covariance of the coefficients for readings of unit variance, (X'X)^-1.
         covariance: (k, k) of the coefficients from the variation between replications, V^2.
         df: its degrees of freedom.
@@ -100,7 +100,7 @@ def calibrated(data: AttitudeData, sensor: str, *, temperature: bool = False) ->
 
     Raises:
         KeyError: `data` has no such output.
-        fitter.linear.RankError: the points do not determine the model.
+        rig.fitter.linear.RankError: the points do not determine the model.
         FitError: the output never changes, there are no degrees of freedom for error, or there is no temperature.
     """
     fit = fit_attitude(data, sensor, temperature=temperature)

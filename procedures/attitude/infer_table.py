@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.errors import FitError
-from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
-from procedures.errors import DataError
-from procedures.inference import Inference, empty_rows, free_name, no_column, unused_beside
-from procedures.table import Reader, Table
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.inference import Inference, empty_rows, free_name, no_column, unused_beside
+from rig.procedures.tables.table import Reader, Table
 
 _TEMPERATURE = "sensor_temperature_degC"
 

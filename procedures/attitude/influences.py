@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 
 def levelled(pitch_deg: FloatArray, roll_deg: FloatArray, tilt_deg: float) -> Mapping[str, FloatArray]:

@@ -9,34 +9,34 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from procedures.attitude.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
-from procedures.errors import DataError
-from procedures.kind import Kind
-from procedures.unused import Unused, unused_in_fit
+from rig.procedures.attitude.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
+from rig.procedures.errors import DataError
+from rig.procedures.kind import Kind
+from rig.procedures.tables.unused import Unused, unused_in_fit
 
 if TYPE_CHECKING:
-    from fitter.arrays import FloatArray
-    from fitter.effects.entry import Entry
-    from fitter.effects.own import Grammar
-    from procedures.acceptance import Verdict
-    from procedures.advice import Advice
-    from procedures.attitude.evaluate import AttitudeTraced
-    from procedures.attitude.infer import AttitudeCalibration
-    from procedures.attitude.settings import PitchRollProcedure
-    from procedures.budgeting import Evaluation, Expected
-    from procedures.charting import Charting
-    from procedures.confirming import Confirming
-    from procedures.expected import Columns, Expecting
-    from procedures.further_runs import Limits, Variation
-    from procedures.inference import Inference
-    from procedures.precision import Precision
-    from procedures.results import Compared, Fitted, Source, Traced
-    from procedures.run_list import RunList
-    from procedures.table import Reader, Table
+    from rig.fitter.arrays import FloatArray
+    from rig.fitter.effects.entry import Entry
+    from rig.fitter.effects.own import Grammar
+    from rig.procedures.attitude.evaluate import AttitudeTraced
+    from rig.procedures.attitude.infer import AttitudeCalibration
+    from rig.procedures.attitude.settings import PitchRollProcedure
+    from rig.procedures.evaluate.acceptance import Verdict
+    from rig.procedures.evaluate.budgeting import Evaluation, Expected
+    from rig.procedures.evaluate.charting import Charting
+    from rig.procedures.evaluate.confirming import Confirming
+    from rig.procedures.evaluate.inference import Inference
+    from rig.procedures.evaluate.results import Compared, Fitted, Source, Traced
+    from rig.procedures.plan.advice import Advice
+    from rig.procedures.plan.expected import Columns, Expecting
+    from rig.procedures.plan.further_runs import Limits, Variation
+    from rig.procedures.plan.precision import Precision
+    from rig.procedures.plan.run_list import RunList
+    from rig.procedures.tables.table import Reader, Table
 
 
 class AttitudeKind(Kind):
-    """Inertial attitude sensors on a dividing head. See `procedures.kind.Kind`."""
+    """Inertial attitude sensors on a dividing head. See `rig.procedures.kind.Kind`."""
 
     name = "pitch-roll"
     title = "attitude sensors"
@@ -54,14 +54,14 @@ class AttitudeKind(Kind):
     @property
     def settings(self) -> type[PitchRollProcedure]:
         """See `Kind`."""
-        from procedures.attitude.settings import PitchRollProcedure  # noqa: PLC0415
+        from rig.procedures.attitude.settings import PitchRollProcedure  # noqa: PLC0415
 
         return PitchRollProcedure
 
     @cached_property
     def own_effects(self) -> Grammar:
         """See `Kind`."""
-        from procedures.attitude.effects.own import GRAMMAR  # noqa: PLC0415
+        from rig.procedures.attitude.effects.own import GRAMMAR  # noqa: PLC0415
 
         return GRAMMAR
 
@@ -75,7 +75,7 @@ class AttitudeKind(Kind):
         """Every sensor, or with `points` fractions of the run in addition to the whole."""
         if options.points is not None:
             return self._fractions(source, options, leave_out, keep=keep)
-        from procedures.attitude.fitted import AttitudeFitted, fit_attitude_table  # noqa: PLC0415
+        from rig.procedures.attitude.fitted import AttitudeFitted, fit_attitude_table  # noqa: PLC0415
 
         result = fit_attitude_table(
             source.table,
@@ -88,7 +88,7 @@ class AttitudeKind(Kind):
         return AttitudeFitted(result, source.table)
 
     def _fractions(self, source: Source, options: FitOptions, leave_out: Sequence[str], *, keep: bool) -> Fitted:
-        from procedures.attitude.fractions_compared import FractionsCompared, compare_fractions  # noqa: PLC0415
+        from rig.procedures.attitude.fractions_compared import FractionsCompared, compare_fractions  # noqa: PLC0415
 
         assert options.points is not None
         given = {"--traced": options.traced, "--at-degC": options.at_degC is not None}
@@ -102,19 +102,19 @@ class AttitudeKind(Kind):
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
         """See `Kind`."""
-        from procedures.attitude.evaluate import trace_attitude_table  # noqa: PLC0415
+        from rig.procedures.attitude.evaluate import trace_attitude_table  # noqa: PLC0415
 
         return trace_attitude_table(source.table, temperature=options.temperature, unnamed=options.unnamed, own=own)
 
     def calibration_of(self, given: Mapping[str, Any]) -> AttitudeCalibration:
         """See `Kind`."""
-        from procedures.attitude.infer import AttitudeCalibration  # noqa: PLC0415
+        from rig.procedures.attitude.infer import AttitudeCalibration  # noqa: PLC0415
 
         return AttitudeCalibration.from_dict(given.get("budget", {}).get("calibration") or given["calibration"])
 
     def expected(self, procedure: PitchRollProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
         """See `Kind`."""
-        from procedures.attitude.planned import expected_run  # noqa: PLC0415
+        from rig.procedures.attitude.planned import expected_run  # noqa: PLC0415
 
         return expected_run(procedure, run_list, sensors)
 
@@ -122,7 +122,7 @@ class AttitudeKind(Kind):
         self, calibration: AttitudeCalibration, coefficients: Mapping[str, FloatArray]
     ) -> AttitudeCalibration:
         """See `Kind`; those of the declared model."""
-        from procedures.attitude.results import with_coefficients  # noqa: PLC0415
+        from rig.procedures.attitude.results import with_coefficients  # noqa: PLC0415
 
         return with_coefficients(calibration, np.array([coefficients[name] for name in calibration.names]))
 
@@ -130,7 +130,7 @@ class AttitudeKind(Kind):
         self, calibration: AttitudeCalibration, read: Reader, options: InferOptions, other: Callable[[Path], Reader]
     ) -> Inference:
         """Pitch and roll."""
-        from procedures.attitude.infer_table import infer_attitudes  # noqa: PLC0415
+        from rig.procedures.attitude.infer_table import infer_attitudes  # noqa: PLC0415
 
         sensors = options.sensors
         return infer_attitudes(
@@ -144,7 +144,7 @@ class AttitudeKind(Kind):
 
     def confirming(self, traced: AttitudeTraced) -> Confirming:
         """See `Kind`."""
-        from procedures.attitude.confirming import AttitudeConfirming  # noqa: PLC0415
+        from rig.procedures.attitude.confirming import AttitudeConfirming  # noqa: PLC0415
 
         return AttitudeConfirming(traced)
 
@@ -157,7 +157,7 @@ class AttitudeKind(Kind):
         self, table: Table, options: BudgetOptions, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
     ) -> Evaluation:
         """Parameters, outputs and angles by the declared model."""
-        from procedures.attitude.budget import attitude_evaluation  # noqa: PLC0415
+        from rig.procedures.attitude.budget import attitude_evaluation  # noqa: PLC0415
 
         return attitude_evaluation(
             table, at, temperature=options.temperature, traced=options.traced, gravity=constants.get("gravity")
@@ -165,37 +165,37 @@ class AttitudeKind(Kind):
 
     def charting(self) -> Charting:
         """See `Kind`."""
-        from procedures.attitude.charting import CHARTING  # noqa: PLC0415
+        from rig.procedures.attitude.charting import CHARTING  # noqa: PLC0415
 
         return CHARTING
 
     def expecting(self, calibration: AttitudeCalibration) -> Expecting:
         """See `Kind`."""
-        from procedures.attitude.expected import expected  # noqa: PLC0415
+        from rig.procedures.attitude.expected import expected  # noqa: PLC0415
 
         return partial(expected, calibration)
 
     def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
         """See `Kind`."""
-        from procedures.attitude.expected import model_columns  # noqa: PLC0415
+        from rig.procedures.attitude.expected import model_columns  # noqa: PLC0415
 
         return model_columns(columns, temperature=bool(declared.get("temperature")))
 
     def unused(self, table: Table) -> Unused:
         """See `Kind`."""
-        from procedures.attitude.table import KNOWN, UNIT  # noqa: PLC0415
+        from rig.procedures.attitude.table import KNOWN, UNIT  # noqa: PLC0415
 
         return unused_in_fit(table, KNOWN, UNIT)
 
     def precision(self, procedure: PitchRollProcedure, run_list: RunList) -> Precision:
         """Precision of a sensor's calibrated output at a few pitch angles."""
-        from procedures.attitude.precision import precision  # noqa: PLC0415
+        from rig.procedures.attitude.precision import precision  # noqa: PLC0415
 
         return precision(procedure, run_list)
 
     def advice(self, procedure: PitchRollProcedure, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
         """Recommendations of NASA/TP-1999-209835."""
-        from procedures.attitude.advice import advise, package_of, usage_of  # noqa: PLC0415
+        from rig.procedures.attitude.advice import advise, package_of, usage_of  # noqa: PLC0415
 
         found = advise(procedure, usage_of(procedure, usage_deg), package_of(procedure, axes))
         return [one for one in found if one.applies]
@@ -209,19 +209,19 @@ class AttitudeKind(Kind):
         hours: Sequence[float],
     ) -> Compared:
         """By the figures of merit of NASA/TP-1999-209835."""
-        from procedures.attitude.compared import compare_designs  # noqa: PLC0415
+        from rig.procedures.attitude.compared import compare_designs  # noqa: PLC0415
 
         return compare_designs(procedures, names, axes, usage, hours)
 
     def judge(self, procedure: PitchRollProcedure, table: Table) -> Sequence[Verdict]:
         """See `Kind`."""
-        from procedures.attitude.acceptance import judge  # noqa: PLC0415
+        from rig.procedures.attitude.acceptance import judge  # noqa: PLC0415
 
         return judge(procedure, table)
 
     def further_runs(self, procedure: PitchRollProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
         """See `Kind`."""
-        from procedures.attitude.further_runs import further_runs  # noqa: PLC0415
+        from rig.procedures.attitude.further_runs import further_runs  # noqa: PLC0415
 
         return further_runs(procedure, limits, chamber=chamber)
 

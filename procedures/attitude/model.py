@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter import LinearFit, least_squares
-from fitter.arrays import FloatArray
-from fitter.quantiles import t_limit
-from procedures.attitude.angles import sin_cos
+from rig.fitter import LinearFit, least_squares
+from rig.fitter.arrays import FloatArray
+from rig.fitter.quantiles import t_limit
+from rig.procedures.attitude.angles import sin_cos
 
 COLUMNS = ("1", "sin(pitch)", "cos(pitch)*sin(roll)", "cos(pitch)*cos(roll)")
 COLUMNS_NO_ROLL = ("1", "sin(pitch)", "cos(pitch)")
@@ -75,7 +75,7 @@ def variance_function(design: FloatArray, at: FloatArray) -> FloatArray:
         at: (m, k) rows h of predictions.
 
     Raises:
-        fitter.linear.RankError: the design does not determine the model; the message names the undetermined
+        rig.fitter.linear.RankError: the design does not determine the model; the message names the undetermined
             coefficients.
     """
     return fit_columns(design, np.zeros(len(design))).variance_function(at)
@@ -263,7 +263,7 @@ def fit_columns(columns: FloatArray, output_V: FloatArray) -> LinearFit:
     """Least squares of one output on `attitude_columns`, with or without roll.
 
     Raises:
-        fitter.linear.RankError: the points do not determine every coefficient.
+        rig.fitter.linear.RankError: the points do not determine every coefficient.
 
     """
     names = COLUMNS if columns.shape[1] == len(COLUMNS) else COLUMNS_NO_ROLL

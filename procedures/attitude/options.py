@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from procedures.results import Options
+from rig.procedures.evaluate.results import Options
 
 _TEMPERATURE = "whether offset and sensitivity follow the sensor temperature in the declared model"
 _AS_RUN = "as the run's procedure has it under [model], else not"

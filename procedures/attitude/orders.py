@@ -13,7 +13,7 @@ from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from procedures.attitude.designs import LISTED, Design
+from rig.procedures.attitude.designs import LISTED, Design
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.advice import Advice
-from procedures.attitude.merit import Usage
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.merit import Usage
+from rig.procedures.plan.advice import Advice
 
 RATIO = 10.0
 """Acceptable ratio of uncertainty of roll to that required of pitch, and of y and z sensors to that of x."""

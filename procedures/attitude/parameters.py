@@ -17,7 +17,7 @@ LABELS = {
     "my_V": "m_y / (V/g)",
     "mz_V": "m_z / (V/g)",
 }
-"""Names of the parameters of `procedures.attitude.fit.parameter_table` for people."""
+"""Names of the parameters of `rig.procedures.attitude.fit.parameter_table` for people."""
 
 
 SCALE, UNIT = 1e4, "1e-4 deg"

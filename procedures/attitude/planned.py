@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from procedures.attitude.model import AXES, attitude_columns
-from procedures.budgeting import Expected
-from procedures.table import Table
+from rig.procedures.attitude.model import AXES, attitude_columns
+from rig.procedures.evaluate.budgeting import Expected
+from rig.procedures.tables.table import Table
 
 if TYPE_CHECKING:
-    from fitter.arrays import FloatArray
-    from procedures.attitude.settings import PitchRollProcedure
-    from procedures.run_list import RunList
+    from rig.fitter.arrays import FloatArray
+    from rig.procedures.attitude.settings import PitchRollProcedure
+    from rig.procedures.plan.run_list import RunList
 
 _SEED = 20260115
 _GRAVITY_SIGN = (1.0, -1.0, -1.0)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.quantiles import t_limit
-from procedures.attitude.model import attitude_columns, variance_function
-from procedures.attitude.settings import PitchRollProcedure
-from procedures.precision import Precision
-from procedures.run_list import RunList
+from rig.fitter.quantiles import t_limit
+from rig.procedures.attitude.model import attitude_columns, variance_function
+from rig.procedures.attitude.settings import PitchRollProcedure
+from rig.procedures.plan.precision import Precision
+from rig.procedures.plan.run_list import RunList
 
 AT_DEG = (0.0, 10.0, 30.0, 60.0, 90.0)
 """Pitch angles for the precision of an attitude sensor; those inside the design are shown."""

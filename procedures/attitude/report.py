@@ -9,18 +9,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fitter.rounding import with_error
-from fitter.trace.outcome import Outcome, WithError
-from procedures.attitude.parameters import NO_DIRECTION, SCALE, UNIT
-from procedures.attitude.words import little_help
-from procedures.before_after import compared
-from procedures.effect_plots import drawn
-from procedures.effects_report import effects_part
-from procedures.pictures import BEFORE_AFTER, colour_scale, dress, legend_below, side_by_side
-from procedures.results import Page
+from rig.fitter.rounding import with_error
+from rig.fitter.trace.outcome import Outcome, WithError
+from rig.procedures.attitude.parameters import NO_DIRECTION, SCALE, UNIT
+from rig.procedures.attitude.words import little_help
+from rig.procedures.evaluate.before_after import compared
+from rig.procedures.evaluate.results import Page
+from rig.procedures.present.effect_plots import drawn
+from rig.procedures.present.effects_report import effects_part
+from rig.procedures.present.pictures import BEFORE_AFTER, colour_scale, dress, legend_below, side_by_side
 
 if TYPE_CHECKING:
-    from procedures.attitude.evaluate import AttitudeTraced
+    from rig.procedures.attitude.evaluate import AttitudeTraced
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -112,7 +112,9 @@ def trace_page(traced: AttitudeTraced) -> Page:
     result = traced.to_json()
     sensors = [_sensor(one, result["sensors"][one.sensor], traced) for one in traced.outcomes]
     span_s = float(np.ptp(traced.data.elapsed_s))
-    return Page("procedures.attitude", "report.html.j2", traced.table, span_s, result["unused"], {"sensors": sensors})
+    return Page(
+        "rig.procedures.attitude", "report.html.j2", traced.table, span_s, result["unused"], {"sensors": sensors}
+    )
 
 
 def _sensor(outcome: Outcome, result: dict[str, Any], traced: AttitudeTraced) -> dict[str, Any]:

@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
-from procedures.attitude.model import attitude_columns, sensitive_axis
-from procedures.inference import within_half_turn
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
+from rig.procedures.attitude.model import attitude_columns, sensitive_axis
+from rig.procedures.evaluate.inference import within_half_turn
 
 STANDARD_GRAVITY = 9.80665
 """m/s2, CGPM 1901."""

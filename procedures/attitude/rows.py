@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitter import RankError
-from fitter.effects.noise import OUTLIERS
-from fitter.linear import orthonormal
-from fitter.trace.outcome import Figure, Parameter, WithError
-from procedures.attitude.fit import AttitudeFit, parameter_table, temperature_table
-from procedures.attitude.model import AttitudeParameters, NoRollParameters, attitude_parameters, no_roll_parameters
-from procedures.attitude.parameters import LABELS, SCALE, UNIT, shown
-from procedures.attitude.trace import FoundEffect, SensorTrace
+from rig.fitter import RankError
+from rig.fitter.effects.noise import OUTLIERS
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.outcome import Figure, Parameter, WithError
+from rig.procedures.attitude.fit import AttitudeFit, parameter_table, temperature_table
+from rig.procedures.attitude.model import AttitudeParameters, NoRollParameters, attitude_parameters, no_roll_parameters
+from rig.procedures.attitude.parameters import LABELS, SCALE, UNIT, shown
+from rig.procedures.attitude.trace import FoundEffect, SensorTrace
 
 if TYPE_CHECKING:
-    from fitter.arrays import FloatArray
-    from procedures.attitude.data import AttitudeData
-    from procedures.attitude.infer import AttitudeCalibration
-    from procedures.attitude.temperature import Temperature
+    from rig.fitter.arrays import FloatArray
+    from rig.procedures.attitude.data import AttitudeData
+    from rig.procedures.attitude.infer import AttitudeCalibration
+    from rig.procedures.attitude.temperature import Temperature
 
 _VARIABLES = {
     "pitch_deg": ("pitch / deg", 1.0),

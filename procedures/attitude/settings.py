@@ -12,13 +12,13 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from procedures.attitude.designs import Design, fraction, grid, listed, roll_circle, tumble, uniform
-from procedures.attitude.orders import Visit, random_order, reversed_pass, walk
-from procedures.by_hand import Steps, check_places, with_steps
-from procedures.conduct import Conduct, EnvironmentSettings
-from procedures.fault_policies import HeadFaults
-from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import Acceptance, Name, Positive, Strict, WarningSettings
+from rig.procedures.attitude.designs import Design, fraction, grid, listed, roll_circle, tumble, uniform
+from rig.procedures.attitude.orders import Visit, random_order, reversed_pass, walk
+from rig.procedures.plan.by_hand import Steps, check_places, with_steps
+from rig.procedures.plan.conduct import Conduct, EnvironmentSettings
+from rig.procedures.plan.fault_policies import HeadFaults
+from rig.procedures.plan.run_list import Factor, Point, RunList, Settle
+from rig.procedures.plan.settings import Acceptance, Name, Positive, Strict, WarningSettings
 
 _PASS_KEPT = 10_000
 """Size above which a pass over a design is generated again for each replication instead of stored."""

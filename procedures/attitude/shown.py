@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
-from fitter.rounding import with_error
-from procedures.attitude.parameters import LABELS, NO_DIRECTION, shown
-from procedures.attitude.words import little_help, misfit_in_words
-from procedures.before_after import compared
-from procedures.blocks import Block, Grid, Line, Paragraph, headline
-from procedures.effects_shown import show_certificate, show_effect, show_unnamed
-from procedures.gross_shown import show_gross, show_left_out
-from procedures.numbers import with_interval
-from procedures.words import TESTS, significant, verdict_of
+from rig.fitter.rounding import with_error
+from rig.procedures.attitude.parameters import LABELS, NO_DIRECTION, shown
+from rig.procedures.attitude.words import little_help, misfit_in_words
+from rig.procedures.evaluate.before_after import compared
+from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, headline
+from rig.procedures.present.effects_shown import show_certificate, show_effect, show_unnamed
+from rig.procedures.present.gross_shown import show_gross, show_left_out
+from rig.procedures.present.numbers import with_interval
+from rig.procedures.present.words import TESTS, significant, verdict_of
 
 if TYPE_CHECKING:
-    from fitter.trace.outcome import Outcome
-    from procedures.attitude.evaluate import AttitudeTraced
+    from rig.fitter.trace.outcome import Outcome
+    from rig.procedures.attitude.evaluate import AttitudeTraced
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> Iterator[Block]:

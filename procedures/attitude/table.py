@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from fitter.errors import FitError
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.model import mounting_matrix
-from procedures.errors import DataError
-from procedures.table import Table
-from procedures.table_checks import check_units, integers, order_of
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.model import mounting_matrix
+from rig.procedures.errors import DataError
+from rig.procedures.tables.table import Table
+from rig.procedures.tables.table_checks import check_units, integers, order_of
 
 PITCH_ROLL = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")
 """Columns of every pitch-roll table, in addition to one `NAME_V` for each sensor."""

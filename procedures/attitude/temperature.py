@@ -16,10 +16,10 @@ from typing import Self
 
 import numpy as np
 
-from fitter import LinearFit, least_squares
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.attitude.data import AttitudeData
+from rig.fitter import LinearFit, least_squares
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.data import AttitudeData
 
 TERMS = ("temperature", "temperature*gravity")
 ROUNDS, SETTLED = 8, 1e-10
@@ -54,7 +54,7 @@ class Temperature:
             plain: the model without temperature, fitted to it.
 
         Raises:
-            fitter.linear.RankError: the observations do not determine every coefficient.
+            rig.fitter.linear.RankError: the observations do not determine every coefficient.
             FitError: no sensor temperature was recorded, or it never changed.
         """
         degC = data.sensor_temperature_degC
@@ -111,7 +111,7 @@ class Temperature:
             names: k names of the model's columns.
 
         Raises:
-            fitter.linear.RankError: the observations do not determine every coefficient.
+            rig.fitter.linear.RankError: the observations do not determine every coefficient.
         """
         k = h.shape[1]
         joint = least_squares(np.column_stack([h, self.columns(h, data)]), output, (*names, *TERMS))

@@ -10,18 +10,18 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.confirm import Together
-from fitter.confirm.runs import Later, changes, join_all, numbers
-from fitter.confirm.together import Candidates, Own
-from fitter.effects.hands import Done
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import Scene
-from procedures.attitude.model import attitude_columns
-from procedures.attitude.temperature import Temperature
-from procedures.attitude.trace import SensorTrace, Trace
-from procedures.attitude.trace.places import places_of
-from procedures.attitude.trace.problem import raw_columns
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.confirm import Together
+from rig.fitter.confirm.runs import Later, changes, join_all, numbers
+from rig.fitter.confirm.together import Candidates, Own
+from rig.fitter.effects.hands import Done
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects import Scene
+from rig.procedures.attitude.model import attitude_columns
+from rig.procedures.attitude.temperature import Temperature
+from rig.procedures.attitude.trace import SensorTrace, Trace
+from rig.procedures.attitude.trace.places import places_of
+from rig.procedures.attitude.trace.problem import raw_columns
 
 
 @dataclass(frozen=True, eq=False)

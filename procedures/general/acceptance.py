@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from procedures.acceptance import Verdict
-from procedures.column_names import spelled, unit_of
-from procedures.errors import DataError
-from procedures.general.of_runs import Asked, fit_run, models_of, results_of
-from procedures.general.settings import GeneralProcedure
-from procedures.table import Table
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.acceptance import Verdict
+from rig.procedures.general.of_runs import Asked, fit_run, models_of, results_of
+from rig.procedures.general.settings import GeneralProcedure
+from rig.procedures.tables.table import Table
 
 
 def judge(procedure: GeneralProcedure, table: Table) -> list[Verdict]:

@@ -9,22 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from fitter.formula import Formula
-from procedures.budget_by_sensor import EvaluationBySensor
-from procedures.column_names import spelled, unit_of
-from procedures.errors import DataError
-from procedures.general.budget_sensor import Sensor
-from procedures.general.of_runs import declared_of, has_whole_plots, models_of
-from procedures.general.settings import SensorModel
-from procedures.general.strata_of_run import (
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.budget_by_sensor import EvaluationBySensor
+from rig.procedures.general.budget_sensor import Sensor
+from rig.procedures.general.of_runs import declared_of, has_whole_plots, models_of
+from rig.procedures.general.settings import SensorModel
+from rig.procedures.general.strata_of_run import (
     points_of,
     replication_of,
     setting_of,
     told_of,
 )
-from procedures.table import Columns, Table
+from rig.procedures.tables.table import Columns, Table
 
 _AT = "the points of results (`--at`, or `at` in certificate.toml)"
 
@@ -141,7 +141,7 @@ def general_evaluation(table: Table, at: Sequence[Mapping[str, float]], *, trace
     """
     made: type[GeneralEvaluation] = GeneralEvaluation
     if traced:
-        from procedures.general.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
+        from rig.procedures.general.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
 
         made = TracedEvaluation
 

@@ -8,17 +8,17 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter import LinearFit
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.strata import Strata, reversed_by, strata
-from procedures.column_names import spelled, stem_of, unit_of
-from procedures.general.declared import Declared, Model, model_of
-from procedures.general.fit import calibration_of
-from procedures.general.infer import CurveCalibration
-from procedures.general.strata_of_run import in_time, points_of, replication_of, side_of
-from procedures.scatter import Scatter, scatter
-from procedures.table import Columns, Table
+from rig.fitter import LinearFit
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.strata import Strata, reversed_by, strata
+from rig.procedures.column_names import spelled, stem_of, unit_of
+from rig.procedures.evaluate.scatter import Scatter, scatter
+from rig.procedures.general.declared import Declared, Model, model_of
+from rig.procedures.general.fit import calibration_of
+from rig.procedures.general.infer import CurveCalibration
+from rig.procedures.general.strata_of_run import in_time, points_of, replication_of, side_of
+from rig.procedures.tables.table import Columns, Table
 
 _ITERATIONS, _TOLERANCE = 50, 1e-13
 

@@ -14,15 +14,15 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.budget import TypeA
-from fitter.errors import FitError
-from procedures.budgeting import alike
-from procedures.general.budget import GeneralEvaluation
-from procedures.general.budget_sensor import Sensor
-from procedures.general.of_runs import Asked, recorded, trace_run
-from procedures.general.traced import with_effects
-from procedures.table import Table
+from rig.fitter.arrays import FloatArray
+from rig.fitter.budget import TypeA
+from rig.fitter.errors import FitError
+from rig.procedures.evaluate.budgeting import alike
+from rig.procedures.general.budget import GeneralEvaluation
+from rig.procedures.general.budget_sensor import Sensor
+from rig.procedures.general.of_runs import Asked, recorded, trace_run
+from rig.procedures.general.traced import with_effects
+from rig.procedures.tables.table import Table
 
 ROWS = 24
 """Rows at whose settings effects are evaluated, where no declared result says at which it holds."""

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 from scipy.linalg import qr
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from fitter.history import Charted, Series
-from fitter.quantiles import t_limit
-from procedures.charting import Calibrations, Charting, Shown, View
-from procedures.errors import DataError
-from procedures.general.infer import CurveCalibration, too_few_digits
-from procedures.shell import shell_word
-from procedures.table import Table
-from procedures.unused import unit_of
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.fitter.history import Charted, Series
+from rig.fitter.quantiles import t_limit
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.charting import Calibrations, Charting, Shown, View
+from rig.procedures.general.infer import CurveCalibration, too_few_digits
+from rig.procedures.present.shell import shell_word
+from rig.procedures.tables.table import Table
+from rig.procedures.tables.unused import unit_of
 
 _LEVELS, _FEW = 5, 4
 """Levels of each variable of a formula with several, and the largest number of variables with so many."""
@@ -146,12 +146,12 @@ def _within(fits: Sequence[CurveCalibration], direction: FloatArray) -> tuple[Fl
 
 
 class GeneralCharting(Charting):
-    """See `procedures.charting.Charting`."""
+    """See `rig.procedures.evaluate.charting.Charting`."""
 
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
         """Every sensor of a run; any other table does not define response and formula, a calibration file does."""
         if table.outputs:
-            from procedures.general.of_runs import Asked, fit_run  # noqa: PLC0415 - charts of files need no fit
+            from rig.procedures.general.of_runs import Asked, fit_run  # noqa: PLC0415 - charts of files need no fit
 
             asked = Asked.of(table, None, formula)
             assert asked is not None

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.clock import Stamp, of_one_day, orders_of, stamp_of
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.tables.dates import Stamp, of_one_day, orders_of, stamp_of
 
 
 def is_clock(cells: Sequence[str]) -> bool:

@@ -8,27 +8,27 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arithmetic import quoted
-from fitter.arithmetic_text import column_name
-from fitter.arrays import FloatArray, IntArray
-from fitter.effects.entry import Entry
-from fitter.errors import FitError
-from fitter.formula import Formula, check_sizes
-from fitter.linear import orthonormal, spanned
-from procedures.catalogue import with_own
-from procedures.column_names import beside, moves_of, read_at, with_word
-from procedures.errors import DataError
-from procedures.file_rows import rows_of_file
-from procedures.general.clock_texts import is_clock
-from procedures.general.directions import approached_by, are_directions, direction_option, sides_of, with_changes
-from procedures.general.effects.kind import TableEffect
-from procedures.general.effects.own import missing_in
-from procedures.general.effects.scene import Grouping, Stood, TableScene
-from procedures.general.formula_settings import settings_of, subtracted
-from procedures.general.order import Parts, alike, identities, time_of
-from procedures.general.own_time import seen_by
-from procedures.general.trace import TableData
-from procedures.table import Columns, Reader, Table
+from rig.fitter.arithmetic import quoted
+from rig.fitter.arithmetic_text import column_name
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.effects.entry import Entry
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula, check_sizes
+from rig.fitter.linear import orthonormal, spanned
+from rig.procedures.column_names import beside, moves_of, read_at, with_word
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.catalogue import with_own
+from rig.procedures.general.clock_texts import is_clock
+from rig.procedures.general.directions import approached_by, are_directions, direction_option, sides_of, with_changes
+from rig.procedures.general.effects.kind import TableEffect
+from rig.procedures.general.effects.own import missing_in
+from rig.procedures.general.effects.scene import Grouping, Stood, TableScene
+from rig.procedures.general.formula_settings import settings_of, subtracted
+from rig.procedures.general.order import Parts, alike, identities, time_of
+from rig.procedures.general.own_time import seen_by
+from rig.procedures.general.trace import TableData
+from rig.procedures.tables.file_rows import rows_of_file
+from rig.procedures.tables.table import Columns, Reader, Table
 
 MOST_LEVELS, ROWS_A_LEVEL = 8, 6
 """Levels at most, and rows for each at least, of a column of text that is taken for a group without being declared."""

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.quantiles import f_tail
-from procedures.column_names import spelled, unit_of
-from procedures.general.evaluate import GeneralTraced
-from procedures.general.trace import FoundTableEffect
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
+from rig.fitter.quantiles import f_tail
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.general.evaluate import GeneralTraced
+from rig.procedures.general.trace import FoundTableEffect
 
 SAME = 1e-2
 """Probability below which sizes differ by more than their errors."""

@@ -1,4 +1,4 @@
-"""A traced run of any laboratory as the first of two. See `procedures.confirming.Confirming`."""
+"""A traced run of any laboratory as the first of two. See `rig.procedures.evaluate.confirming.Confirming`."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arithmetic_text import parse_expression
-from fitter.arrays import FloatArray, IntArray
-from fitter.confirm import Confirmation, Later, Question
-from fitter.effects.entry import Entry
-from fitter.effects.hands import Done
-from fitter.errors import FitError
-from procedures.column_names import moves_of, read_at, spelled, unit_of, with_word
-from procedures.confirming import SETTLED, ConfirmedFit, Confirming, in_words
-from procedures.errors import DataError
-from procedures.further_runs import Variation, repeated
-from procedures.general.effects.literal import arithmetic
-from procedures.general.effects.of_others import HYSTERESIS
-from procedures.general.factors import RANDOM
-from procedures.general.found_in_run import FoundInRun
-from procedures.general.further_runs import values_of, with_routine
-from procedures.general.of_runs import Asked, RunTraced, fit_run, noted_of, recorded
-from procedures.general.options import FitOptions, TraceOptions
-from procedures.general.own_time import TIME
-from procedures.general.planning import check_declared, evaluations
-from procedures.general.settings import GeneralProcedure
-from procedures.general.together import GeneralTogether, Observations
-from procedures.run_list import RunList
-from procedures.table import Table
+from rig.fitter.arithmetic_text import parse_expression
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.confirm import Confirmation, Later, Question
+from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.hands import Done
+from rig.fitter.errors import FitError
+from rig.procedures.column_names import moves_of, read_at, spelled, unit_of, with_word
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit, Confirming, in_words
+from rig.procedures.general.effects.literal import arithmetic
+from rig.procedures.general.effects.of_others import HYSTERESIS
+from rig.procedures.general.factors import RANDOM
+from rig.procedures.general.found_in_run import FoundInRun
+from rig.procedures.general.further_runs import values_of, with_routine
+from rig.procedures.general.of_runs import Asked, RunTraced, fit_run, noted_of, recorded
+from rig.procedures.general.options import FitOptions, TraceOptions
+from rig.procedures.general.own_time import TIME
+from rig.procedures.general.planning import check_declared, evaluations
+from rig.procedures.general.settings import GeneralProcedure
+from rig.procedures.general.together import GeneralTogether, Observations
+from rig.procedures.plan.further_runs import Variation, repeated
+from rig.procedures.plan.run_list import RunList
+from rig.procedures.tables.table import Table
 
 LEAST_CANDIDATES, MOST_CANDIDATES = 5, 160
 """Numbers of units from which those of a run are chosen."""
@@ -49,7 +49,7 @@ NOT_OURS = (
 
 
 def cannot_confirm(table: Table, options: TraceOptions) -> str:
-    """Why no further run can confirm the findings in a run; see `procedures.kind.Kind.cannot_confirm`."""
+    """Why no further run can confirm the findings in a run; see `rig.procedures.kind.Kind.cannot_confirm`."""
     others = options.model_fields_set - {"response", "formula"}
     asked = None if others else Asked.of(table, options.response, options.formula)
     if asked is None:
@@ -70,7 +70,7 @@ def cannot_confirm(table: Table, options: TraceOptions) -> str:
 
 @dataclass(frozen=True, eq=False)
 class GeneralConfirming(Confirming):
-    """See `procedures.confirming.Confirming`. Errors are those of the outputs, in their own units."""
+    """See `rig.procedures.evaluate.confirming.Confirming`. Errors are those of the outputs, in their own units."""
 
     traced: RunTraced
     earlier: tuple[Later, ...] = ()
@@ -216,7 +216,7 @@ class GeneralConfirming(Confirming):
         """Columns of confirmed causes that are functions of the table's own columns are added to the models. Others, of
         time or memory, are taken off the outputs, as by `rig fit --traced`.
         """
-        from procedures.general.traced import with_effects  # noqa: PLC0415 - which needs this module
+        from rig.procedures.general.traced import with_effects  # noqa: PLC0415 - which needs this module
 
         asked = Asked.of(self.traced.table, options.response, options.formula)
         if asked is None:

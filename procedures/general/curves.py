@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.nonlinear import Curve, WrittenCurve
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
+from rig.fitter.nonlinear import Curve, WrittenCurve
 
 
 def curve_to_dict(curve: Curve) -> dict[str, Any]:
@@ -17,7 +17,7 @@ def curve_to_dict(curve: Curve) -> dict[str, Any]:
         return told
     if isinstance(curve, WrittenCurve):
         return {**told, "parameters": list(curve.parameters)}
-    from procedures.general.models import NamedCurve  # noqa: PLC0415 - plain formulas need no models
+    from rig.procedures.general.models import NamedCurve  # noqa: PLC0415 - plain formulas need no models
 
     if not isinstance(curve, NamedCurve):
         raise TypeError(f"{curve} cannot be stored")
@@ -33,7 +33,7 @@ def curve_from_dict(given: Mapping[str, Any]) -> Curve:
         KeyError, TypeError, ValueError: values are missing or invalid.
     """
     if "model" in given:
-        from procedures.general.models.named import NamedCurve, standard_model  # noqa: PLC0415
+        from rig.procedures.general.models.named import NamedCurve, standard_model  # noqa: PLC0415
 
         told = given["model"]
         pairs = [(float(a), float(b)) for a, b in (told["abscissa"], told["response"])]

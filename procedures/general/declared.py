@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitter.arithmetic_text import column_name
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.formula import Formula, RowError, check_sizes
-from fitter.nonlinear import Curve, Distance, Weighted, WrittenCurve
-from procedures.errors import DataError
-from procedures.general.order import identities
-from procedures.general.rows import CurveRows, LinearRows, Rows
-from procedures.general.series import Series
-from procedures.table import Table
+from rig.fitter.arithmetic_text import column_name
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula, RowError, check_sizes
+from rig.fitter.nonlinear import Curve, Distance, Weighted, WrittenCurve
+from rig.procedures.errors import DataError
+from rig.procedures.general.order import identities
+from rig.procedures.general.rows import CurveRows, LinearRows, Rows
+from rig.procedures.general.series import Series
+from rig.procedures.tables.table import Table
 
 if TYPE_CHECKING:
-    from procedures.general.models import NamedCurve
+    from rig.procedures.general.models import NamedCurve
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def model_of(declared: Declared, table: Table, response: str, plots: Sequence[st
     if curve is None:
         named = _named(declared, table, response)
         curve, start = named, _start_of(named, declared, table, y)
-        from procedures.general.models.units import unit_in  # noqa: PLC0415
+        from rig.procedures.general.models.units import unit_in  # noqa: PLC0415
 
         for name, quantity in ((named.variable, named.model.abscissa), (response, named.model.response)):
             if quantity.unit and not unit_in(name, table.units.get(name, "")):
@@ -213,8 +213,8 @@ def _linear_start(formula: Formula, table: Table, y: FloatArray) -> FloatArray:
 
 def _named(declared: Declared, table: Table, response: str) -> NamedCurve:
     """The standard model over its column."""
-    from procedures.general.models.named import NamedCurve, standard_model  # noqa: PLC0415
-    from procedures.general.models.units import to_model, unit_in  # noqa: PLC0415
+    from rig.procedures.general.models.named import NamedCurve, standard_model  # noqa: PLC0415
+    from rig.procedures.general.models.units import to_model, unit_in  # noqa: PLC0415
 
     model = standard_model(declared.model or "")
     units = {name: unit_in(name, table.units.get(name, "")) for name in table.columns}

@@ -12,11 +12,11 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.formula import Formula
-from procedures.general.factors import AS_WRITTEN, FactorSettings
-from procedures.settings import Strict
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
+from rig.procedures.general.factors import AS_WRITTEN, FactorSettings
+from rig.procedures.plan.settings import Strict
 
 MOST_POINTS = 100_000
 """Maximum length of a run list."""
@@ -112,7 +112,7 @@ class DesignSettings(Strict):
         return Points(tuple(itertools.product(*levels)))
 
     def _central(self, levels: Sequence[Sequence[float]]) -> tuple[Setting, ...]:
-        from fitter.designs import central_composite, to_range  # noqa: PLC0415 - scipy's sparse graphs take a while
+        from rig.fitter.designs import central_composite, to_range  # noqa: PLC0415 - scipy's sparse graphs take a while
 
         try:
             coded = central_composite(len(levels), kind=self.form, centre=self.centre).points
@@ -193,7 +193,7 @@ def optimal_rows(
     Raises:
         ValueError: with the defect and what would mend it.
     """
-    from fitter.designs import Factor, optimal  # noqa: PLC0415 - scipy's sparse graphs take a while
+    from rig.fitter.designs import Factor, optimal  # noqa: PLC0415 - scipy's sparse graphs take a while
 
     check_levels("optimal", factors)
     hard = tuple(at for at, factor in enumerate(factors.values()) if factor.hard)

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.errors import DataError
+from rig.fitter.arrays import FloatArray
+from rig.procedures.errors import DataError
 
 _UP = (
     "up", "upward", "upwards", "increasing", "increase", "ascending", "loading", "rising", "rise", "forward", "+", "+1",

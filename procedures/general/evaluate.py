@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from fitter.errors import FitError
-from fitter.quantiles import t_limit
-from fitter.trace.outcome import Finding, Outcome, run_json
-from procedures.blocks import Block
-from procedures.certificate import Change, Errors, certified, with_words
-from procedures.errors import DataError
-from procedures.general.column_roles import Roles, parts_played, read_roles, used_columns, with_response
-from procedures.general.trace import FoundTableEffect, TableTrace, trace_general
-from procedures.numbers import interval_text
-from procedures.results import Page
-from procedures.table import Reader, Table
-from procedures.unused import TEXT, unused_columns
-from procedures.words import doubts_of, noise_of, part, verdict
+from rig.fitter.errors import FitError
+from rig.fitter.quantiles import t_limit
+from rig.fitter.trace.outcome import Finding, Outcome, run_json
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.certificate import Change, Errors, certified, with_words
+from rig.procedures.evaluate.results import Page
+from rig.procedures.general.column_roles import Roles, parts_played, read_roles, used_columns, with_response
+from rig.procedures.general.trace import FoundTableEffect, TableTrace, trace_general
+from rig.procedures.present.blocks import Block
+from rig.procedures.present.numbers import interval_text
+from rig.procedures.present.words import doubts_of, noise_of, part, verdict
+from rig.procedures.tables.table import Reader, Table
+from rig.procedures.tables.unused import TEXT, unused_columns
 
 IGNORED = "named with --ignore"
 UNTESTED = "no effect of it could be tested: too few rows, or too large values"
@@ -61,7 +61,7 @@ class GeneralTraced:
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from procedures.general.shown import show_general_trace  # noqa: PLC0415
+        from rig.procedures.general.shown import show_general_trace  # noqa: PLC0415
 
         return show_general_trace(self)
 
@@ -71,7 +71,7 @@ class GeneralTraced:
 
     def page(self) -> Page:
         """Its report."""
-        from procedures.general.report import trace_page  # noqa: PLC0415 - plots take a second to import
+        from rig.procedures.general.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
         return trace_page((self,), self.to_json()["unused"])
 

@@ -8,9 +8,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from procedures.column_names import stem_of
-from procedures.run_list import Factor, Settle
-from procedures.settings import Positive, Strict
+from rig.procedures.column_names import stem_of
+from rig.procedures.plan.run_list import Factor, Settle
+from rig.procedures.plan.settings import Positive, Strict
 
 RANDOM, UP_DOWN, AS_WRITTEN = "random", "up-down", "as written"
 FACTOR_NAME = r"^[A-Za-z][A-Za-z0-9_]*_[A-Za-z][A-Za-z0-9]*$"

@@ -7,12 +7,12 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from fitter.errors import FitError
-from fitter.quantiles import f_tail, t_tail
-from procedures.errors import DataError
-from procedures.general.fit import fit_general
-from procedures.results import Source
-from procedures.table import Table
+from rig.fitter.errors import FitError
+from rig.fitter.quantiles import f_tail, t_tail
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.results import Source
+from rig.procedures.general.fit import fit_general
+from rig.procedures.tables.table import Table
 
 _CLEAR, _HIGHEST, _SPARE, _LEAVES = 1e-4, 3, 3, 0.02
 _REPEATS, _LEVELS, _ALONG = 10, 10, 2.5

@@ -10,25 +10,25 @@ from typing import Any
 
 import numpy as np
 
-from fitter import LinearFit, RankError
-from fitter.arithmetic_text import column_name
-from fitter.arrays import IntArray
-from fitter.errors import FitError
-from fitter.formula import check_numbers
-from fitter.json_values import coefficient_table, if_finite
-from fitter.nonlinear import Curve
-from fitter.split_plot import SplitPlotFit
-from procedures.blocks import Block
-from procedures.errors import DataError
-from procedures.file_rows import rows_of_file
-from procedures.general.declared import Declared, Model, model_of
-from procedures.general.infer import CurveCalibration, Factored
-from procedures.general.iso376 import figures, rising
-from procedures.general.judged import derived_table, judged_fit, predicted_at, prediction_table, within_tolerance
-from procedures.left_out import FitSummary, LeaveOut, Where, kept_with, not_searched, search
-from procedures.results import PlainFitted
-from procedures.table import Reader, Table
-from procedures.unused import unused_columns
+from rig.fitter import LinearFit, RankError
+from rig.fitter.arithmetic_text import column_name
+from rig.fitter.arrays import IntArray
+from rig.fitter.errors import FitError
+from rig.fitter.formula import check_numbers
+from rig.fitter.json_values import coefficient_table, if_finite
+from rig.fitter.nonlinear import Curve
+from rig.fitter.split_plot import SplitPlotFit
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.left_out import FitSummary, LeaveOut, Where, kept_with, not_searched, search
+from rig.procedures.evaluate.results import PlainFitted
+from rig.procedures.general.declared import Declared, Model, model_of
+from rig.procedures.general.infer import CurveCalibration, Factored
+from rig.procedures.general.iso376 import figures, rising
+from rig.procedures.general.judged import derived_table, judged_fit, predicted_at, prediction_table, within_tolerance
+from rig.procedures.present.blocks import Block
+from rig.procedures.tables.file_rows import rows_of_file
+from rig.procedures.tables.table import Reader, Table
+from rig.procedures.tables.unused import unused_columns
 
 
 def fit_general(
@@ -50,7 +50,7 @@ def fit_general(
     Args:
         read: the table.
         response: the explained column, with or without back-ticks.
-        formula: the model, if it is a formula and no more is declared; see `fitter.formula`.
+        formula: the model, if it is a formula and no more is declared; see `rig.fitter.formula`.
         whole_plot: columns whose values together identify rows with a common whole-plot error; none for independent
             rows.
         replicate: column of the replications of whole plots.
@@ -130,7 +130,7 @@ def _hint(declared: Declared) -> str:
     """Advice where the rows do not determine a standard model."""
     if declared.model is None:
         return ""
-    from procedures.general.models.named import standard_model  # noqa: PLC0415
+    from rig.procedures.general.models.named import standard_model  # noqa: PLC0415
 
     hint = standard_model(declared.model).hint
     return f"; {hint}" if hint else ""
@@ -138,7 +138,7 @@ def _hint(declared: Declared) -> str:
 
 def _described(curve: Curve) -> dict[str, Any]:
     """The standard model as JSON values; nothing for a formula."""
-    from procedures.general.models import NamedCurve  # noqa: PLC0415
+    from rig.procedures.general.models import NamedCurve  # noqa: PLC0415
 
     if not isinstance(curve, NamedCurve):
         return {}
@@ -291,6 +291,6 @@ class GeneralFitted(PlainFitted):
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from procedures.general.shown import show_general_fit  # noqa: PLC0415
+        from rig.procedures.general.shown import show_general_fit  # noqa: PLC0415
 
         return show_general_fit(self.result["data"]["file"], self.result)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arithmetic import Expression
-from fitter.arrays import FloatArray
-from fitter.formula import Formula
+from rig.fitter.arithmetic import Expression
+from rig.fitter.arrays import FloatArray
+from rig.fitter.formula import Formula
 
 
 def settings_of(formula: Formula, columns: Mapping[str, Any]) -> dict[str, FloatArray]:

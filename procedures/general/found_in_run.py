@@ -9,15 +9,15 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.confirm.together import solve
-from fitter.trace.aliases import DELTA, NEARLY, Rival
-from fitter.trace.found import Explanation
-from fitter.trace.search import names_of
-from procedures.general.effects.columns import wave
-from procedures.general.effects.time_columns import lag
-from procedures.general.run_terms import RunTerm, columns_of
-from procedures.general.together import Remembered
-from procedures.general.trace import TableTrace
+from rig.fitter.confirm.together import solve
+from rig.fitter.trace.aliases import DELTA, NEARLY, Rival
+from rig.fitter.trace.found import Explanation
+from rig.fitter.trace.search import names_of
+from rig.procedures.general.effects.columns import wave
+from rig.procedures.general.effects.time_columns import lag
+from rig.procedures.general.run_terms import RunTerm, columns_of
+from rig.procedures.general.together import Remembered
+from rig.procedures.general.trace import TableTrace
 
 _SIDE = re.compile(r"\b\w+_side\b")
 MOST_CONSTANTS = 3
@@ -27,7 +27,7 @@ LEAST_CYCLES = 1.5
 
 @dataclass(frozen=True, eq=False)
 class FoundInRun:
-    """Findings of all sensors of a run, a `fitter.confirm.question.Traced`.
+    """Findings of all sensors of a run, a `rig.fitter.confirm.question.Traced`.
 
     Attributes:
         sensors: by output.

@@ -6,10 +6,10 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from procedures.further_runs import Variation
-from procedures.general.design import MOST_POINTS
-from procedures.general.factors import RANDOM, UP_DOWN
-from procedures.general.settings import GeneralProcedure
+from rig.procedures.general.design import MOST_POINTS
+from rig.procedures.general.factors import RANDOM, UP_DOWN
+from rig.procedures.general.settings import GeneralProcedure
+from rig.procedures.plan.further_runs import Variation
 
 _LONGER, _SHORTEST_S, _LONGEST_S = 4.0, 30.0, 1800.0
 """Factor of the wait at a setting, its smallest result, and its largest, that tell what still moves from what stays."""

@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.gross import GrossErrors, gross_errors, with_repeats, without_smooth
-from fitter.gross.rows import Rows
-from fitter.own_span import NO_GROUP
-from fitter.resolution import resolution
-from procedures.general.read_settings import settings_of
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.gross import GrossErrors, gross_errors, with_repeats, without_smooth
+from rig.fitter.gross.rows import Rows
+from rig.fitter.own_span import NO_GROUP
+from rig.fitter.resolution import resolution
+from rig.procedures.general.read_settings import settings_of
 
 SETTINGS, OFTEN = 50, 4
 """Maximum number of settings with a level of their own, and minimum number of repeats of each."""

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from procedures.column_names import stem_of
-from procedures.errors import DataError
-from procedures.general.infer import CurveCalibration
-from procedures.general.infer_table import infer_general
-from procedures.inference import INFERRED, Inference
-from procedures.table import Reader
-from procedures.unused import Unused
+from rig.procedures.column_names import stem_of
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.inference import INFERRED, Inference
+from rig.procedures.general.infer import CurveCalibration
+from rig.procedures.general.infer_table import infer_general
+from rig.procedures.tables.table import Reader
+from rig.procedures.tables.unused import Unused
 
 
 def infer_sensors(

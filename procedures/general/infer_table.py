@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.errors import DataError
-from procedures.general.infer import CurveCalibration, InferredCurve, infer_curve
-from procedures.general.infer.frames import BEYOND
-from procedures.inference import Inference, empty_rows, free_name, no_column, unused_beside
-from procedures.table import Reader, Table
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.inference import Inference, empty_rows, free_name, no_column, unused_beside
+from rig.procedures.general.infer import CurveCalibration, InferredCurve, infer_curve
+from rig.procedures.general.infer.frames import BEYOND
+from rig.procedures.tables.table import Reader, Table
 
 
 def infer_general(

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from procedures.general.directions import are_directions, sides_of
-from procedures.general.infer import CurveCalibration
-from procedures.general.order import codes
-from procedures.general.series import Series
-from procedures.table import Table
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.procedures.general.directions import are_directions, sides_of
+from rig.procedures.general.infer import CurveCalibration
+from rig.procedures.general.order import codes
+from rig.procedures.general.series import Series
+from rig.procedures.tables.table import Table
 
 
 def rising(table: Table, series: Series) -> tuple[Table, str]:

@@ -9,23 +9,23 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from fitter import LinearFit
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.json_values import if_finite
-from fitter.nonlinear import Curve, Distance
-from fitter.quantiles import f_tail
-from fitter.scatter import uneven_scatter
-from fitter.split_plot import SplitPlotFit
-from fitter.strata import TOO_GOOD, chance_of_less
-from fitter.sums_of_squares import FTest
-from procedures.errors import DataError
-from procedures.general.declared import Model
-from procedures.general.infer import CurveCalibration, infer_curve
-from procedures.general.infer.calibration import student
-from procedures.general.rows import CurveRows
-from procedures.table import Table
+from rig.fitter import LinearFit
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
+from rig.fitter.json_values import if_finite
+from rig.fitter.nonlinear import Curve, Distance
+from rig.fitter.quantiles import f_tail
+from rig.fitter.scatter import uneven_scatter
+from rig.fitter.split_plot import SplitPlotFit
+from rig.fitter.strata import TOO_GOOD, chance_of_less
+from rig.fitter.sums_of_squares import FTest
+from rig.procedures.errors import DataError
+from rig.procedures.general.declared import Model
+from rig.procedures.general.infer import CurveCalibration, infer_curve
+from rig.procedures.general.infer.calibration import student
+from rig.procedures.general.rows import CurveRows
+from rig.procedures.tables.table import Table
 
 DOUBT = 0.01
 """Probability below which chance is not taken for the cause of a lack of fit."""
@@ -257,7 +257,7 @@ def within_tolerance(
 
 def derived_table(curve: Curve, calibration: CurveCalibration) -> dict[str, Any]:
     """Numbers that follow from the parameters of a standard model, with standard errors by the delta method."""
-    from procedures.general.models import NamedCurve  # noqa: PLC0415 - plain formulas need no models
+    from rig.procedures.general.models import NamedCurve  # noqa: PLC0415 - plain formulas need no models
 
     if isinstance(curve, Formula) or not isinstance(curve, NamedCurve) or not curve.model.derived:
         return {}

@@ -6,36 +6,36 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitter.errors import FitError
-from procedures.errors import DataError
-from procedures.general.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
-from procedures.kind import Kind
+from rig.fitter.errors import FitError
+from rig.procedures.errors import DataError
+from rig.procedures.general.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
+from rig.procedures.kind import Kind
 
 if TYPE_CHECKING:
-    from fitter.arrays import FloatArray
-    from fitter.effects.entry import Entry
-    from fitter.effects.own import Grammar
-    from procedures.acceptance import Verdict
-    from procedures.advice import Advice
-    from procedures.budgeting import Evaluation, Expected
-    from procedures.charting import Charting
-    from procedures.confirming import Confirming
-    from procedures.expected import Columns
-    from procedures.further_runs import Limits, Variation
-    from procedures.general.evaluate import GeneralTraced
-    from procedures.general.infer import CurveCalibration
-    from procedures.general.of_runs import RunTraced
-    from procedures.general.settings import GeneralProcedure
-    from procedures.inference import Inference
-    from procedures.precision import Precision
-    from procedures.results import Fitted, Options, Source, Traced
-    from procedures.run_list import RunList
-    from procedures.seen import Seen
-    from procedures.table import Reader, Table
+    from rig.fitter.arrays import FloatArray
+    from rig.fitter.effects.entry import Entry
+    from rig.fitter.effects.own import Grammar
+    from rig.procedures.evaluate.acceptance import Verdict
+    from rig.procedures.evaluate.budgeting import Evaluation, Expected
+    from rig.procedures.evaluate.charting import Charting
+    from rig.procedures.evaluate.confirming import Confirming
+    from rig.procedures.evaluate.inference import Inference
+    from rig.procedures.evaluate.results import Fitted, Options, Source, Traced
+    from rig.procedures.general.evaluate import GeneralTraced
+    from rig.procedures.general.infer import CurveCalibration
+    from rig.procedures.general.of_runs import RunTraced
+    from rig.procedures.general.settings import GeneralProcedure
+    from rig.procedures.plan.advice import Advice
+    from rig.procedures.plan.expected import Columns
+    from rig.procedures.plan.further_runs import Limits, Variation
+    from rig.procedures.plan.precision import Precision
+    from rig.procedures.plan.run_list import RunList
+    from rig.procedures.tables.table import Reader, Table
+    from rig.procedures.tables.unknown_table import Seen
 
 
 class GeneralKind(Kind):
-    """Any table with a declared formula. See `procedures.kind.Kind`."""
+    """Any table with a declared formula. See `rig.procedures.kind.Kind`."""
 
     name = "general"
     title = "any table"
@@ -50,14 +50,14 @@ class GeneralKind(Kind):
     @property
     def settings(self) -> type[GeneralProcedure]:
         """See `Kind`."""
-        from procedures.general.settings import GeneralProcedure  # noqa: PLC0415
+        from rig.procedures.general.settings import GeneralProcedure  # noqa: PLC0415
 
         return GeneralProcedure
 
     @property
     def own_effects(self) -> Grammar:
         """See `Kind`."""
-        from procedures.general.effects.own import GRAMMAR  # noqa: PLC0415
+        from rig.procedures.general.effects.own import GRAMMAR  # noqa: PLC0415
 
         return GRAMMAR
 
@@ -65,11 +65,11 @@ class GeneralKind(Kind):
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
     ) -> Fitted:
         """A formula to one column, or the declared models to all sensors of a run."""
-        from procedures.points import points  # noqa: PLC0415
+        from rig.procedures.evaluate.points import points  # noqa: PLC0415
 
         read: Reader = source.read
         if source.is_run:
-            from procedures.general.of_runs import Asked, fit_run, reader_of  # noqa: PLC0415
+            from rig.procedures.general.of_runs import Asked, fit_run, reader_of  # noqa: PLC0415
 
             asked = Asked.of(source.table, options.response, options.formula)
             at = points(options.at or ())
@@ -79,7 +79,7 @@ class GeneralKind(Kind):
                 and not (options.traced and at)
             ):
                 if options.traced:
-                    from procedures.general.traced import fit_traced  # noqa: PLC0415
+                    from rig.procedures.general.traced import fit_traced  # noqa: PLC0415
 
                     return fit_traced(asked, leave_out, own)
                 return fit_run(asked, leave_out, at)
@@ -89,9 +89,9 @@ class GeneralKind(Kind):
                 "--traced is for the sensors of a run file, with no other options than --response and --formula; of a "
                 "table, add the terms that rig trace prints to --formula"
             )
-        from procedures.general.declared import Declared  # noqa: PLC0415
-        from procedures.general.fit import GeneralFitted, fit_general  # noqa: PLC0415
-        from procedures.general.series import series_of  # noqa: PLC0415
+        from rig.procedures.general.declared import Declared  # noqa: PLC0415
+        from rig.procedures.general.fit import GeneralFitted, fit_general  # noqa: PLC0415
+        from rig.procedures.general.series import series_of  # noqa: PLC0415
 
         if options.response is None:
             raise DataError(_NEEDS_RESPONSE.format(", ".join(f"--{n.replace('_', '-')}" for n in _given(options))))
@@ -124,7 +124,7 @@ class GeneralKind(Kind):
         self, table: Table, options: BudgetOptions, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
     ) -> Evaluation:
         """Coefficients, outputs and inferred values of the sensors of a run."""
-        from procedures.general.budget import general_evaluation  # noqa: PLC0415
+        from rig.procedures.general.budget import general_evaluation  # noqa: PLC0415
 
         return general_evaluation(table, at, traced=options.traced)
 
@@ -137,15 +137,15 @@ class GeneralKind(Kind):
         """See `Kind`."""
         read: Reader = source.read
         if source.is_run:
-            from procedures.general.of_runs import Asked, reader_of, trace_run  # noqa: PLC0415
+            from rig.procedures.general.of_runs import Asked, reader_of, trace_run  # noqa: PLC0415
 
             asked = Asked.of(source.table, options.response, options.formula)
             if asked is not None and set(_given(options)) <= _OF_RUNS:
                 return trace_run(asked, own)
             read = reader_of(source.table)
-        from procedures.general.column_roles import Roles  # noqa: PLC0415
-        from procedures.general.directions import read_direction  # noqa: PLC0415
-        from procedures.general.evaluate import trace_general_table  # noqa: PLC0415
+        from rig.procedures.general.column_roles import Roles  # noqa: PLC0415
+        from rig.procedures.general.directions import read_direction  # noqa: PLC0415
+        from rig.procedures.general.evaluate import trace_general_table  # noqa: PLC0415
 
         if options.response is None or options.formula is None:
             raise DataError("--response needs --formula, the declared model, such as --formula '1 + x'")
@@ -170,13 +170,13 @@ class GeneralKind(Kind):
 
     def look(self, source: Source, table: Table) -> Seen | None:
         """See `Kind`."""
-        from procedures.general.likely import likely  # noqa: PLC0415
+        from rig.procedures.general.likely import likely  # noqa: PLC0415
 
         return likely(source, table)
 
     def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration | Mapping[str, CurveCalibration]:
         """For one response, or for every sensor of a run by its output."""
-        from procedures.general.infer import CurveCalibration  # noqa: PLC0415
+        from rig.procedures.general.infer import CurveCalibration  # noqa: PLC0415
 
         kept = given.get("budget", {}).get("calibration")
         if kept is not None:
@@ -204,10 +204,10 @@ class GeneralKind(Kind):
         other: Callable[[Path], Reader],
     ) -> Inference:
         """The abscissa of the curve."""
-        from procedures.general.infer_table import infer_general  # noqa: PLC0415
+        from rig.procedures.general.infer_table import infer_general  # noqa: PLC0415
 
         if isinstance(calibration, Mapping):
-            from procedures.general.infer_runs import infer_sensors  # noqa: PLC0415
+            from rig.procedures.general.infer_runs import infer_sensors  # noqa: PLC0415
 
             return infer_sensors(calibration, read, options.u_reading, options.quantity, options.between)
 
@@ -215,51 +215,51 @@ class GeneralKind(Kind):
 
     def check_design(self, procedure: GeneralProcedure, run_list: RunList) -> None:
         """Check that the design can estimate the declared models."""
-        from procedures.general.planning import check_declared  # noqa: PLC0415
+        from rig.procedures.general.planning import check_declared  # noqa: PLC0415
 
         check_declared(procedure, run_list)
 
     def precision(self, procedure: GeneralProcedure, run_list: RunList) -> Precision:
         """Precision of every coefficient and of the fitted value."""
-        from procedures.general.planning import precision  # noqa: PLC0415
+        from rig.procedures.general.planning import precision  # noqa: PLC0415
 
         return precision(procedure, run_list)
 
     def expected(self, procedure: GeneralProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
         """See `Kind`."""
-        from procedures.general.planned import expected_run  # noqa: PLC0415
+        from rig.procedures.general.planned import expected_run  # noqa: PLC0415
 
         return expected_run(procedure, run_list, sensors)
 
     def advice(self, procedure: GeneralProcedure, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
         """Confounded terms and effects, and errors without degrees of freedom."""
         super().advice(procedure, axes, usage_deg)
-        from procedures.general.planning import advice  # noqa: PLC0415
+        from rig.procedures.general.planning import advice  # noqa: PLC0415
 
         return advice(procedure)
 
     def judge(self, procedure: GeneralProcedure, table: Table) -> Sequence[Verdict]:
         """By the standard error of one observation."""
-        from procedures.general.acceptance import judge  # noqa: PLC0415
+        from rig.procedures.general.acceptance import judge  # noqa: PLC0415
 
         return judge(procedure, table)
 
     def confirming(self, traced: GeneralTraced | RunTraced) -> Confirming | None:
         """See `Kind`."""
-        from procedures.general.confirming import GeneralConfirming  # noqa: PLC0415
-        from procedures.general.of_runs import RunTraced  # noqa: PLC0415
+        from rig.procedures.general.confirming import GeneralConfirming  # noqa: PLC0415
+        from rig.procedures.general.of_runs import RunTraced  # noqa: PLC0415
 
         return GeneralConfirming(traced) if isinstance(traced, RunTraced) else None
 
     def cannot_confirm(self, table: Table, options: TraceOptions) -> str:
         """See `Kind`."""
-        from procedures.general.confirming import cannot_confirm  # noqa: PLC0415
+        from rig.procedures.general.confirming import cannot_confirm  # noqa: PLC0415
 
         return cannot_confirm(table, options)
 
     def further_runs(self, procedure: GeneralProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
         """See `Kind`."""
-        from procedures.general.further_runs import further_runs  # noqa: PLC0415
+        from rig.procedures.general.further_runs import further_runs  # noqa: PLC0415
 
         return further_runs(procedure)
 
@@ -270,7 +270,7 @@ class GeneralKind(Kind):
 
     def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
         """Columns of the declared model, for the residuals of a running run."""
-        from fitter.formula import Formula  # noqa: PLC0415
+        from rig.fitter.formula import Formula  # noqa: PLC0415
 
         if not declared.get("formula") or declared.get("start"):
             return None
@@ -281,7 +281,7 @@ class GeneralKind(Kind):
 
     def charting(self) -> Charting:
         """See `Kind`."""
-        from procedures.general.charting import CHARTING  # noqa: PLC0415
+        from rig.procedures.general.charting import CHARTING  # noqa: PLC0415
 
         return CHARTING
 

@@ -8,27 +8,27 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arithmetic import NAME
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.errors import DataError
-from procedures.general.clock_texts import is_clock
-from procedures.general.column_roles import Roles, read_roles
-from procedures.general.declared import Declared
-from procedures.general.directions import (
+from rig.fitter.arithmetic import NAME
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.results import Source
+from rig.procedures.general.clock_texts import is_clock
+from rig.procedures.general.column_roles import Roles, read_roles
+from rig.procedures.general.declared import Declared
+from rig.procedures.general.directions import (
     are_directions,
     direction_option,
     likely_words,
     named_direction,
     read_direction,
 )
-from procedures.general.first_model import alike, curved, nameless
-from procedures.general.fit import fit_general
-from procedures.general.models.units import unit_in
-from procedures.general.uncertain import option, uncertainties, weights
-from procedures.results import Source
-from procedures.seen import Seen, SeenColumn
-from procedures.table import Table
+from rig.procedures.general.first_model import alike, curved, nameless
+from rig.procedures.general.fit import fit_general
+from rig.procedures.general.models.units import unit_in
+from rig.procedures.general.uncertain import option, uncertainties, weights
+from rig.procedures.tables.table import Table
+from rig.procedures.tables.unknown_table import Seen, SeenColumn
 
 _TIME = re.compile(
     r"time|elapsed|timestamp|(^|[ _])(?-i:t)$|(^|[ _])t[ _(\[]+(s|sec|min|h)[)\]]?$|zeit|^date|\bdate$", re.IGNORECASE

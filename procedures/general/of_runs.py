@@ -7,22 +7,22 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from fitter.effects.entry import Entry
-from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.trace.outcome import Outcome
-from procedures.blocks import Block, Line
-from procedures.column_names import moves_of, read_at, split_unit
-from procedures.errors import DataError
-from procedures.general.column_roles import Roles
-from procedures.general.common import Common, common_of
-from procedures.general.declared import Declared
-from procedures.general.evaluate import IGNORED, GeneralTraced, trace_general_table
-from procedures.general.fit import fit_general
-from procedures.general.settings import ModelSettings, SensorModel
-from procedures.results import Page, PlainFitted
-from procedures.table import Reader, Table
-from procedures.unused import RECORDED
+from rig.fitter.effects.entry import Entry
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
+from rig.fitter.trace.outcome import Outcome
+from rig.procedures.column_names import moves_of, read_at, split_unit
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.results import Page, PlainFitted
+from rig.procedures.general.column_roles import Roles
+from rig.procedures.general.common import Common, common_of
+from rig.procedures.general.declared import Declared
+from rig.procedures.general.evaluate import IGNORED, GeneralTraced, trace_general_table
+from rig.procedures.general.fit import fit_general
+from rig.procedures.general.settings import ModelSettings, SensorModel
+from rig.procedures.present.blocks import Block, Line
+from rig.procedures.tables.table import Reader, Table
+from rig.procedures.tables.unused import RECORDED
 
 _WHOLE_PLOT, _REPLICATE, _TIME, _BLOCK = "whole_plot", "replicate", "elapsed_s", "block"
 _FLAGS = {
@@ -142,7 +142,7 @@ class RunFitted(PlainFitted):
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from procedures.general.shown import show_general_fit  # noqa: PLC0415
+        from rig.procedures.general.shown import show_general_fit  # noqa: PLC0415
 
         for one in results_of(self.result).values():
             yield from show_general_fit(self.result["data"]["file"], one)
@@ -239,7 +239,7 @@ class RunTraced:
 
     def page(self) -> Page:
         """The report of all sensors."""
-        from procedures.general.report import trace_page  # noqa: PLC0415 - plots take a second to import
+        from rig.procedures.general.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
         common = [one.sentence for one in self.common]
         return trace_page(tuple(self.each.values()), self.to_json()["unused"], self.not_traced, common)

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from procedures.results import Options
+from rig.procedures.evaluate.results import Options
 
 _FORMULA = "the declared model, such as '1 + x + x^2'"
 

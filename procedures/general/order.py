@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from procedures.general.clock_texts import seconds_of
-from procedures.general.effects.scene import Timeline, seconds_per_unit
-from procedures.order_through import through
-from procedures.table import Table
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.procedures.general.clock_texts import seconds_of
+from rig.procedures.general.effects.scene import Timeline, seconds_per_unit
+from rig.procedures.tables.order_through import through
+from rig.procedures.tables.table import Table
 
 _CLOCKS = re.compile(
     r"time|elapsed|date|^years?$|^t$|^t_?(s|sec|min|h|hours|days)$|^t_start|^hours?$|^days?$", re.IGNORECASE

@@ -13,7 +13,7 @@ import itertools
 import random
 from collections.abc import Iterator, Sequence
 
-from procedures.general.factors import AS_WRITTEN, RANDOM
+from rig.procedures.general.factors import AS_WRITTEN, RANDOM
 
 Setting = tuple[float, ...]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from procedures.column_names import read_at, since_of
-from procedures.table import Table
+from rig.procedures.column_names import read_at, since_of
+from rig.procedures.tables.table import Table
 
 TIME = "elapsed_s"
 

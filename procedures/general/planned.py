@@ -6,17 +6,17 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from fitter.arithmetic_text import parse_expression
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.split_plot import SplitPlotDesign
-from procedures.budgeting import Expected
-from procedures.column_names import stem_of
-from procedures.errors import DataError
-from procedures.general.planning import formulas_of
-from procedures.general.settings import GeneralProcedure
-from procedures.run_list import RunList
-from procedures.table import Table
+from rig.fitter.arithmetic_text import parse_expression
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.split_plot import SplitPlotDesign
+from rig.procedures.column_names import stem_of
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.budgeting import Expected
+from rig.procedures.general.planning import formulas_of
+from rig.procedures.general.settings import GeneralProcedure
+from rig.procedures.plan.run_list import RunList
+from rig.procedures.tables.table import Table
 
 _SEED = 20260115
 

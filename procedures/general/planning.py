@@ -8,20 +8,20 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.designs import Evaluation, evaluate
-from fitter.designs.advice import advice as of_design
-from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.split_plot import plan_precision
-from procedures.advice import Advice
-from procedures.general.factors import AS_WRITTEN
-from procedures.general.models.named import standard_model
-from procedures.general.models.units import to_model, unit_in
-from procedures.general.settings import GeneralProcedure, SensorModel
-from procedures.general.swept import swept
-from procedures.precision import Precision
-from procedures.run_list import RunList
+from rig.fitter.arrays import FloatArray
+from rig.fitter.designs import Evaluation, evaluate
+from rig.fitter.designs.advice import advice as of_design
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
+from rig.fitter.split_plot import plan_precision
+from rig.procedures.general.factors import AS_WRITTEN
+from rig.procedures.general.models.named import standard_model
+from rig.procedures.general.models.units import to_model, unit_in
+from rig.procedures.general.settings import GeneralProcedure, SensorModel
+from rig.procedures.general.swept import swept
+from rig.procedures.plan.advice import Advice
+from rig.procedures.plan.precision import Precision
+from rig.procedures.plan.run_list import RunList
 
 _MOST_SHOWN = 4
 _DEGC = "_degC"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
+from rig.fitter.arrays import FloatArray, IntArray
 
 ALIKE = 2e-3
 """Gap between values, of the range of a column, below which they are one setting."""

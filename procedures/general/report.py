@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from fitter.rounding import with_error
-from procedures.before_after import compared
-from procedures.effects_report import effects_part
-from procedures.pictures import BEFORE_AFTER, dress, side_by_side
-from procedures.results import Page
+from rig.fitter.rounding import with_error
+from rig.procedures.evaluate.before_after import compared
+from rig.procedures.evaluate.results import Page
+from rig.procedures.present.effects_report import effects_part
+from rig.procedures.present.pictures import BEFORE_AFTER, dress, side_by_side
 
 if TYPE_CHECKING:
-    from procedures.general.evaluate import GeneralTraced
+    from rig.procedures.general.evaluate import GeneralTraced
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -96,7 +96,7 @@ def trace_page(
         common: sentences about effects that all sensors share.
     """
     contents = {"sensors": [_sensor(one) for one in every], "not_traced": list(not_traced), "common": list(common)}
-    return Page("procedures.general", "report.html.j2", every[0].table, 0.0, unused, contents)
+    return Page("rig.procedures.general", "report.html.j2", every[0].table, 0.0, unused, contents)
 
 
 def _sensor(traced: GeneralTraced) -> dict[str, Any]:

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from fitter.errors import FitError
-from fitter.formula import Formula
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
 
 
 def response_of(

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter import LinearFit, least_squares
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from fitter.gross import GrossErrors
-from fitter.nonlinear import Distance, Solved, Weighted, solve, solve_lowest
-from fitter.split_plot import SplitPlotFit, fit_split_plot
-from procedures.general.gross import of_table
+from rig.fitter import LinearFit, least_squares
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.fitter.gross import GrossErrors
+from rig.fitter.nonlinear import Distance, Solved, Weighted, solve, solve_lowest
+from rig.fitter.split_plot import SplitPlotFit, fit_split_plot
+from rig.procedures.general.gross import of_table
 
 _ROUNDS, _SAME = 50, 1e-10
 CLEARLY = 0.5

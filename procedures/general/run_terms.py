@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.general.effects import OF_CONSTANT, TableEffect
-from procedures.general.effects.columns import without_side
-from procedures.general.effects.literal import Rows, column
-from procedures.general.effects.scene import TableTerm
-from procedures.general.effects.time_columns import of_start
+from rig.fitter.arrays import FloatArray
+from rig.procedures.general.effects import OF_CONSTANT, TableEffect
+from rig.procedures.general.effects.columns import without_side
+from rig.procedures.general.effects.literal import Rows, column
+from rig.procedures.general.effects.scene import TableTerm
+from rig.procedures.general.effects.time_columns import of_start
 
 
 @dataclass(frozen=True)

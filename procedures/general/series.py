@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fitter.arithmetic_text import column_name
-from procedures.errors import DataError
+from rig.fitter.arithmetic_text import column_name
+from rig.procedures.errors import DataError
 
 
 @dataclass(frozen=True)

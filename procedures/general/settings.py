@@ -15,10 +15,22 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from procedures.by_hand import Steps, check_places, with_steps
-from procedures.column_names import stem_of
-from procedures.conduct import Conduct, EnvironmentSettings, SoakSettings, WholePlotConduct
-from procedures.fault_policies import (
+from rig.procedures.column_names import stem_of
+from rig.procedures.general.design import (
+    MOST_POINTS,
+    DesignSettings,
+    Points,
+    Setting,
+    check_whole_plots,
+    optimal_rows,
+    rows_of,
+)
+from rig.procedures.general.factors import FACTOR_NAME, HEAD_ANGLES, FactorSettings
+from rig.procedures.general.orders import sides, visits
+from rig.procedures.general.response import response_of
+from rig.procedures.plan.by_hand import Steps, check_places, with_steps
+from rig.procedures.plan.conduct import Conduct, EnvironmentSettings, SoakSettings, WholePlotConduct
+from rig.procedures.plan.fault_policies import (
     ABORT,
     ACCEPT,
     HOLD,
@@ -29,20 +41,8 @@ from procedures.fault_policies import (
     FaultSettings,
     Policy,
 )
-from procedures.general.design import (
-    MOST_POINTS,
-    DesignSettings,
-    Points,
-    Setting,
-    check_whole_plots,
-    optimal_rows,
-    rows_of,
-)
-from procedures.general.factors import FACTOR_NAME, HEAD_ANGLES, FactorSettings
-from procedures.general.orders import sides, visits
-from procedures.general.response import response_of
-from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import Acceptance, Name, Positive, Strict, WarningSettings
+from rig.procedures.plan.run_list import Factor, Point, RunList, Settle
+from rig.procedures.plan.settings import Acceptance, Name, Positive, Strict, WarningSettings
 
 _TAKEN = re.compile(r"(replicate|whole_plot|order|elapsed|block|run_index|simulated|accepted)(_.*)?")
 """Names with a meaning of their own in tables."""
@@ -363,7 +363,7 @@ class GeneralProcedure(Strict):
         )
 
     def _misfit(self, sensors: Mapping[str, str], read: Mapping[str, str]) -> str:
-        from procedures.general.planning import misfit  # noqa: PLC0415 - imports the fitter
+        from rig.procedures.general.planning import misfit  # noqa: PLC0415 - imports the fitter
 
         return misfit(self, sensors, read)
 

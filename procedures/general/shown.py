@@ -7,14 +7,14 @@ from typing import Any
 
 from rich.markup import escape
 
-from fitter.rounding import with_error
-from procedures.before_after import compared
-from procedures.blocks import Block, Grid, Line, Paragraph
-from procedures.effects_shown import show_certificate, show_effect, show_unnamed
-from procedures.general.evaluate import GeneralTraced
-from procedures.gross_shown import show_gross, show_left_out
-from procedures.numbers import number
-from procedures.words import verdict_of
+from rig.fitter.rounding import with_error
+from rig.procedures.evaluate.before_after import compared
+from rig.procedures.general.evaluate import GeneralTraced
+from rig.procedures.present.blocks import Block, Grid, Line, Paragraph
+from rig.procedures.present.effects_shown import show_certificate, show_effect, show_unnamed
+from rig.procedures.present.gross_shown import show_gross, show_left_out
+from rig.procedures.present.numbers import number
+from rig.procedures.present.words import verdict_of
 
 _PREDICTED = {"value", "standard_uncertainty", "df", "confidence95", "prediction95", "outside"}
 _MOST_CORRELATED = 6

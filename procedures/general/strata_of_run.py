@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.strata import DIFFER, Strata
-from procedures.column_names import stem_of, with_word
-from procedures.reversibility import in_words
-from procedures.table import Table
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.strata import DIFFER, Strata
+from rig.procedures.column_names import stem_of, with_word
+from rig.procedures.evaluate.reversibility import in_words
+from rig.procedures.tables.table import Table
 
 
 def in_time(table: Table) -> IntArray:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 _LEVELS, _BETWEEN = 3, 0.99
 """Fewest levels, and smallest share of the variance of time between them: little time passes within one."""

@@ -12,23 +12,23 @@ from typing import Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.confirm import Question, Together
-from fitter.confirm.runs import Later, changes, numbers
-from fitter.confirm.together import Candidates, Own
-from fitter.errors import FitError
-from fitter.trace.growing_noise import Growth
-from procedures.column_names import read_at
-from procedures.errors import DataError
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.effects.literal import Rows
-from procedures.general.effects.of_time import WARM_UP
-from procedures.general.effects.time_columns import BLOCK, MOST_INTERRUPTIONS, interruptions
-from procedures.general.own_time import TIME, seen_by
-from procedures.general.run_terms import RunTerm
-from procedures.general.trace import TableData, TableTrace
-from procedures.general.trace.places import places_of
-from procedures.table import Table
+from rig.fitter.arrays import FloatArray
+from rig.fitter.confirm import Question, Together
+from rig.fitter.confirm.runs import Later, changes, numbers
+from rig.fitter.confirm.together import Candidates, Own
+from rig.fitter.errors import FitError
+from rig.fitter.trace.growing_noise import Growth
+from rig.procedures.column_names import read_at
+from rig.procedures.errors import DataError
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.effects.literal import Rows
+from rig.procedures.general.effects.of_time import WARM_UP
+from rig.procedures.general.effects.time_columns import BLOCK, MOST_INTERRUPTIONS, interruptions
+from rig.procedures.general.own_time import TIME, seen_by
+from rig.procedures.general.run_terms import RunTerm
+from rig.procedures.general.trace import TableData, TableTrace
+from rig.procedures.general.trace.places import places_of
+from rig.procedures.tables.table import Table
 
 _NUMBERED = ("replicate", "order", "block", "whole_plot")
 """Columns of numbers that go on in a later run."""

@@ -14,19 +14,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Entry
-from fitter.linear import orthonormal, spanned
-from procedures.column_names import unit_of
-from procedures.general.confirming import usable_term
-from procedures.general.effects.columns import less, middle, origin
-from procedures.general.effects.of_time import WARM_UP
-from procedures.general.effects.time_columns import lag, of_start, previous
-from procedures.general.of_runs import Asked, RunFitted, RunTraced, fit_run, noted_of, recorded, trace_run
-from procedures.general.own_time import TIME
-from procedures.general.trace import FoundTableEffect, TableTrace
-from procedures.general.trace.estimate import of_constants
-from procedures.table import Table
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Entry
+from rig.fitter.linear import orthonormal, spanned
+from rig.procedures.column_names import unit_of
+from rig.procedures.general.confirming import usable_term
+from rig.procedures.general.effects.columns import less, middle, origin
+from rig.procedures.general.effects.of_time import WARM_UP
+from rig.procedures.general.effects.time_columns import lag, of_start, previous
+from rig.procedures.general.of_runs import Asked, RunFitted, RunTraced, fit_run, noted_of, recorded, trace_run
+from rig.procedures.general.own_time import TIME
+from rig.procedures.general.trace import FoundTableEffect, TableTrace
+from rig.procedures.general.trace.estimate import of_constants
+from rig.procedures.tables.table import Table
 
 KNOWN = "intervals take this as known, and no other state is in them"
 HALF_WAY = "half-way between both directions"

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.table import Table
+from rig.fitter.arrays import FloatArray
+from rig.procedures.tables.table import Table
 
 _WORD = r"err(?:or)?|unc(?:ertainty)?|sd|std|stdev|stddev|sigma|stderr|se|u"
 _OF = re.compile(rf"(?:{_WORD}|d|delta)[_ .](?P<of>.+)|(?P<by>.+?)[_ .](?:{_WORD})", re.IGNORECASE)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from procedures.acceptance import Verdict, gross_words
-from procedures.errors import DataError
-from procedures.pressure.declared import ACCEPTED_BY
-from procedures.pressure.fitted import fit_whole_plots, largest_words
-from procedures.pressure.settings import WholePlotProcedure
-from procedures.table import Table
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.acceptance import Verdict, gross_words
+from rig.procedures.pressure.declared import ACCEPTED_BY
+from rig.procedures.pressure.fitted import fit_whole_plots, largest_words
+from rig.procedures.pressure.settings import WholePlotProcedure
+from rig.procedures.tables.table import Table
 
 
 def judge(procedure: WholePlotProcedure, table: Table) -> list[Verdict]:

@@ -11,24 +11,24 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from fitter.linear import orthonormal
-from fitter.strata import DIFFER, by_side, reversed_by
-from fitter.sums_of_squares import FTest, off
-from procedures.budget_by_sensor import EvaluationBySensor
-from procedures.budgeting import Shift, Shifts
-from procedures.errors import DataError
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.fit import Errors, PressureCalibration, PressureFit, fit_transducers
-from procedures.pressure.fit.methods import METHOD
-from procedures.pressure.fit.models import coefficient_unit, usual
-from procedures.pressure.infer import infer_pressure
-from procedures.pressure.influences import COLUMN_PER_M
-from procedures.pressure.table import whole_plot_data
-from procedures.reversibility import in_words
-from procedures.stated import PlaceConstant
-from procedures.table import Columns, Table
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.fitter.linear import orthonormal
+from rig.fitter.strata import DIFFER, by_side, reversed_by
+from rig.fitter.sums_of_squares import FTest, off
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.budget_by_sensor import EvaluationBySensor
+from rig.procedures.evaluate.budgeting import Shift, Shifts
+from rig.procedures.evaluate.reversibility import in_words
+from rig.procedures.evaluate.stated import PlaceConstant
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.fit import Errors, PressureCalibration, PressureFit, fit_transducers
+from rig.procedures.pressure.fit.methods import METHOD
+from rig.procedures.pressure.fit.models import coefficient_unit, usual
+from rig.procedures.pressure.infer import infer_pressure
+from rig.procedures.pressure.influences import COLUMN_PER_M
+from rig.procedures.pressure.table import whole_plot_data
+from rig.procedures.tables.table import Columns, Table
 
 PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
 _NAMES = {"P": PRESSURE, "T_sensor": SENSOR, "T_SSE": SSE}
@@ -249,8 +249,8 @@ def pressure_evaluation(
     try:
         if not traced:
             return PressureEvaluation(data, model, _points(data, at))
-        from procedures.pressure.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
-        from procedures.pressure.evaluate import trace_whole_plot_table  # noqa: PLC0415 - few budgets need it
+        from rig.procedures.pressure.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
+        from rig.procedures.pressure.evaluate import trace_whole_plot_table  # noqa: PLC0415 - few budgets need it
 
         found = trace_whole_plot_table(table, formula, validate=False).trace
         return TracedEvaluation(data, model, _points(data, at), found)

@@ -16,15 +16,15 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.budget import TypeA
-from fitter.errors import FitError
-from fitter.trace.found import Explanation
-from procedures.budgeting import alike
-from procedures.pressure.budget import Point, PressureEvaluation, Transducer
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects.scene import PressureEffect
-from procedures.pressure.trace import WholePlotTrace
+from rig.fitter.arrays import FloatArray
+from rig.fitter.budget import TypeA
+from rig.fitter.errors import FitError
+from rig.fitter.trace.found import Explanation
+from rig.procedures.evaluate.budgeting import alike
+from rig.procedures.pressure.budget import Point, PressureEvaluation, Transducer
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects.scene import PressureEffect
+from rig.procedures.pressure.trace import WholePlotTrace
 
 Terms = tuple[str, ...]
 _PASSING = ("elapsed_s", "since_s", "pressure_side", "previous_pressure_psia")

@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.history import Charted, Series
-from fitter.split_plot import SplitPlotFit
-from procedures.charting import Calibrations, Charting, Shown, View
-from procedures.errors import DataError
-from procedures.pressure.fit import PressureFit
-from procedures.pressure.fitted import fit_whole_plots
-from procedures.table import Table
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.history import Charted, Series
+from rig.fitter.split_plot import SplitPlotFit
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.charting import Calibrations, Charting, Shown, View
+from rig.procedures.pressure.fit import PressureFit
+from rig.procedures.pressure.fitted import fit_whole_plots
+from rig.procedures.tables.table import Table
 
 NAMES = ("intercept_mV", "gain_mV_per_psi")
 
@@ -98,7 +98,7 @@ def _within(fits: Sequence[SplitPlotFit], direction: FloatArray) -> tuple[float,
 
 
 class PressureCharting(Charting):
-    """See `procedures.charting.Charting`."""
+    """See `rig.procedures.evaluate.charting.Charting`."""
 
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
         """See `Charting`."""

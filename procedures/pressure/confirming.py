@@ -1,4 +1,4 @@
-"""A traced whole-plot run as the first of two. See `procedures.confirming.Confirming`."""
+"""A traced whole-plot run as the first of two. See `rig.procedures.evaluate.confirming.Confirming`."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import IntArray
-from fitter.confirm import Confirmation, Later, Question
-from fitter.effects.entry import Entry
-from fitter.effects.hands import Done
-from procedures.confirming import SETTLED, ConfirmedFit, Confirming
-from procedures.further_runs import Variation, repeated
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.effects.scene import PressureEffect
-from procedures.pressure.effects.separation import separate_pressure
-from procedures.pressure.evaluate import WholePlotTraced
-from procedures.pressure.fitted import fit_whole_plots
-from procedures.pressure.options import FitOptions
-from procedures.pressure.settings import WholePlotProcedure
-from procedures.pressure.table import whole_plot_data
-from procedures.pressure.together import WholePlotTogether
-from procedures.run_list import RunList
-from procedures.table import Table
+from rig.fitter.arrays import IntArray
+from rig.fitter.confirm import Confirmation, Later, Question
+from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.hands import Done
+from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit, Confirming
+from rig.procedures.plan.further_runs import Variation, repeated
+from rig.procedures.plan.run_list import RunList
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
+from rig.procedures.pressure.effects.scene import PressureEffect
+from rig.procedures.pressure.effects.separation import separate_pressure
+from rig.procedures.pressure.evaluate import WholePlotTraced
+from rig.procedures.pressure.fitted import fit_whole_plots
+from rig.procedures.pressure.options import FitOptions
+from rig.procedures.pressure.settings import WholePlotProcedure
+from rig.procedures.pressure.table import whole_plot_data
+from rig.procedures.pressure.together import WholePlotTogether
+from rig.procedures.tables.table import Table
 
 
 @dataclass(frozen=True, eq=False)
 class WholePlotConfirming(Confirming):
-    """See `procedures.confirming.Confirming`."""
+    """See `rig.procedures.evaluate.confirming.Confirming`."""
 
     traced: WholePlotTraced
     earlier: tuple[Later, ...] = ()

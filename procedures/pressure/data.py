@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.checked import finite, whole
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.checked import finite, whole
+from rig.fitter.errors import FitError
 
 SAME_PRESSURE_PSIA = 0.005
 """Readbacks closer than this are one setting: above a controller's noise, far below a design's step."""

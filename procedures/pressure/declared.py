@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.errors import FitError
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.fit import fit_pressure, named_formula
-from procedures.pressure.fit.models import check_determined
-from procedures.pressure.settings import WholePlotProcedure
-from procedures.run_list import RunList
+from rig.fitter.errors import FitError
+from rig.procedures.plan.run_list import RunList
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.fit import fit_pressure, named_formula
+from rig.procedures.pressure.fit.models import check_determined
+from rig.procedures.pressure.settings import WholePlotProcedure
 
 REHEARSED = 600
 """Maximum number of points for a rehearsal of the fit on simulated readings; its time grows with their cube."""

@@ -7,26 +7,26 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from fitter.effects.entry import Entry
-from fitter.effects.sizes import size_95
-from fitter.errors import FitError
-from fitter.trace.outcome import Finding, Outcome, run_json
-from procedures.blocks import Block
-from procedures.catalogue import with_own
-from procedures.certificate import Change, Errors, certified, with_words
-from procedures.errors import DataError
-from procedures.file_rows import rows_of_file
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.effects.scene import PressureEffect
-from procedures.pressure.figures import effect_figures
-from procedures.pressure.fitted import Declared, alive, fit_whole_plots
-from procedures.pressure.table import KNOWN, UNIT
-from procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace, trace_whole_plots
-from procedures.results import Page
-from procedures.table import Table
-from procedures.unused import unused_in_fit
-from procedures.words import doubts_of, noise_of, verdict
+from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.sizes import size_95
+from rig.fitter.errors import FitError
+from rig.fitter.trace.outcome import Finding, Outcome, run_json
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.catalogue import with_own
+from rig.procedures.evaluate.certificate import Change, Errors, certified, with_words
+from rig.procedures.evaluate.results import Page
+from rig.procedures.present.blocks import Block
+from rig.procedures.present.words import doubts_of, noise_of, verdict
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
+from rig.procedures.pressure.effects.scene import PressureEffect
+from rig.procedures.pressure.figures import effect_figures
+from rig.procedures.pressure.fitted import Declared, alive, fit_whole_plots
+from rig.procedures.pressure.table import KNOWN, UNIT
+from rig.procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace, trace_whole_plots
+from rig.procedures.tables.file_rows import rows_of_file
+from rig.procedures.tables.table import Table
+from rig.procedures.tables.unused import unused_in_fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,20 +56,20 @@ class WholePlotTraced:
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from procedures.pressure.shown import show_whole_plot_trace  # noqa: PLC0415 - which needs this class
+        from rig.procedures.pressure.shown import show_whole_plot_trace  # noqa: PLC0415 - which needs this class
 
         return show_whole_plot_trace(self)
 
     def summary(self) -> Iterator[Block]:
         """Errors in use by method, and one or two sentences per transducer."""
-        from procedures.pressure.shown import show_whole_plot_findings, show_whole_plot_summary  # noqa: PLC0415
+        from rig.procedures.pressure.shown import show_whole_plot_findings, show_whole_plot_summary  # noqa: PLC0415
 
         yield from show_whole_plot_summary(fit_whole_plots(self.table).to_json())
         yield from show_whole_plot_findings(self)
 
     def page(self) -> Page:
         """Its report."""
-        from procedures.pressure.report import trace_page  # noqa: PLC0415 - plots take a second to import
+        from rig.procedures.pressure.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
         return trace_page(self)
 

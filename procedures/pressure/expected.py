@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.formula import Formula
-from procedures.expected import Columns, Expected
-from procedures.pressure.fit import PressureCalibration, named_formula
-from procedures.pressure.fit.models import FULL
+from rig.fitter.arrays import FloatArray
+from rig.fitter.formula import Formula
+from rig.procedures.plan.expected import Columns, Expected
+from rig.procedures.pressure.fit import PressureCalibration, named_formula
+from rig.procedures.pressure.fit.models import FULL
 
 PRESSURE = "pressure_psia"
 _VARIABLES = {"P": PRESSURE, "T_sensor": "sensor_temperature_degC", "T_SSE": "sse_temperature_degC"}
@@ -21,7 +21,7 @@ _LARGEST = 1e60
 def expected(
     calibration: Mapping[str, PressureCalibration], columns: Columns, mounting: Mapping[str, float]
 ) -> dict[str, Expected]:
-    """See `procedures.expected.Expecting`; transducers are calibrated in their mounting."""
+    """See `rig.procedures.plan.expected.Expecting`; transducers are calibrated in their mounting."""
     if any(name not in columns for name in _VARIABLES.values()):
         return {}
     return {name: _expected(one, columns) for name, one in calibration.items()}

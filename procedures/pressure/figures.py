@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
-from fitter.trace.outcome import Figure
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.outcome import Figure
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace
 
 _VARIABLES = {
     "pressure_psia": ("pressure / psia", 1.0),

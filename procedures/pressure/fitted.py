@@ -9,25 +9,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitter.errors import FitError
-from fitter.misfit import COVERED_BY_WHOLE_PLOTS
-from procedures.blocks import Block, headline
-from procedures.errors import DataError
-from procedures.file_rows import rows_of_file
-from procedures.left_out import FitSummary, LeaveOut, Searched, kept_with, search
-from procedures.pressure.fit import PressureFit, fit_transducers, named_formula, variance_inflation
-from procedures.pressure.fit.methods import METHOD
-from procedures.pressure.fit.models import ONE_TEMPERATURE, coefficient_unit, usual
-from procedures.pressure.gross import of_whole_plots
-from procedures.pressure.table import KNOWN, UNIT, whole_plot_data
-from procedures.unused import unused_in_fit
+from rig.fitter.errors import FitError
+from rig.fitter.misfit import COVERED_BY_WHOLE_PLOTS
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.left_out import FitSummary, LeaveOut, Searched, kept_with, search
+from rig.procedures.present.blocks import Block, headline
+from rig.procedures.pressure.fit import PressureFit, fit_transducers, named_formula, variance_inflation
+from rig.procedures.pressure.fit.methods import METHOD
+from rig.procedures.pressure.fit.models import ONE_TEMPERATURE, coefficient_unit, usual
+from rig.procedures.pressure.gross import of_whole_plots
+from rig.procedures.pressure.table import KNOWN, UNIT, whole_plot_data
+from rig.procedures.tables.file_rows import rows_of_file
+from rig.procedures.tables.unused import unused_in_fit
 
 if TYPE_CHECKING:
-    from fitter.arrays import IntArray
-    from fitter.gross import GrossErrors
-    from procedures.pressure.data import WholePlotData
-    from procedures.results import Page
-    from procedures.table import Table
+    from rig.fitter.arrays import IntArray
+    from rig.fitter.gross import GrossErrors
+    from rig.procedures.evaluate.results import Page
+    from rig.procedures.pressure.data import WholePlotData
+    from rig.procedures.tables.table import Table
 
 
 @dataclass(frozen=True)
@@ -126,14 +126,14 @@ class WholePlotFitted:
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from procedures.pressure.shown import show_whole_plot_fit  # noqa: PLC0415 - which needs this module
+        from rig.procedures.pressure.shown import show_whole_plot_fit  # noqa: PLC0415 - which needs this module
 
         yield headline(PurePath(self.table.source).name, self.table)
         yield from show_whole_plot_fit(self.to_json())
 
     def page(self) -> Page:
         """Its report: the paper's methods side by side."""
-        from procedures.pressure.methods_report import fit_page  # noqa: PLC0415 - plots take a second to import
+        from rig.procedures.pressure.methods_report import fit_page  # noqa: PLC0415 - plots take a second to import
 
         return fit_page(self)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 
-from procedures.further_runs import Variation
-from procedures.pressure.settings import WholePlotProcedure
+from rig.procedures.plan.further_runs import Variation
+from rig.procedures.pressure.settings import WholePlotProcedure
 
 
 def further_runs(first: WholePlotProcedure) -> Iterator[Variation]:

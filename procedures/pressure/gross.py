@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitter.gross import GrossErrors, gross_errors, with_repeats
-from fitter.gross.rows import Rows
-from fitter.resolution import resolution
-from procedures.pressure.fit.models import of_whole_plot
+from rig.fitter.gross import GrossErrors, gross_errors, with_repeats
+from rig.fitter.gross.rows import Rows
+from rig.fitter.resolution import resolution
+from rig.procedures.pressure.fit.models import of_whole_plot
 
 if TYPE_CHECKING:
-    from fitter.formula import Formula
-    from procedures.pressure.data import WholePlotData
+    from rig.fitter.formula import Formula
+    from rig.procedures.pressure.data import WholePlotData
 
 REPEATS = 3
 """Minimum readings of one pressure for a level of its own."""

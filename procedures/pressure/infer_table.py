@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.errors import DataError
-from procedures.inference import Inference, empty_results, empty_rows, free_name, incomplete_rows
-from procedures.pressure.fit import PressureCalibration
-from procedures.pressure.infer import Zero, infer_pressure
-from procedures.pressure.zeros import (
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.inference import Inference, empty_results, empty_rows, free_name, incomplete_rows
+from rig.procedures.pressure.fit import PressureCalibration
+from rig.procedures.pressure.infer import Zero, infer_pressure
+from rig.procedures.pressure.zeros import (
     PRESSURE,
     PRESSURE_SD,
     TEMPERATURES,
@@ -26,8 +26,8 @@ from procedures.pressure.zeros import (
     read_zeros,
     zero_rows,
 )
-from procedures.table import Reader, Table
-from procedures.unused import Unused, other_unit, why_unused
+from rig.procedures.tables.table import Reader, Table
+from rig.procedures.tables.unused import Unused, other_unit, why_unused
 
 _NUMBERS = (*TEMPERATURES, VACUUM)
 

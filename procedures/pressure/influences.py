@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 COLUMN_PER_M = 0.0289652 * 9.80665 / (8.314462618 * 293.15)
 """Share of an absolute pressure by which a metre of height changes it: M g / (R T) of air at 20 degC, 1.17e-4 per m.

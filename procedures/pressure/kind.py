@@ -8,34 +8,34 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fitter.errors import FitError
-from procedures.kind import Kind
-from procedures.pressure.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
-from procedures.unused import Unused, unused_in_fit
+from rig.fitter.errors import FitError
+from rig.procedures.kind import Kind
+from rig.procedures.pressure.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
+from rig.procedures.tables.unused import Unused, unused_in_fit
 
 if TYPE_CHECKING:
-    from fitter.arrays import FloatArray
-    from fitter.effects.entry import Entry
-    from fitter.effects.own import Grammar
-    from procedures.acceptance import Verdict
-    from procedures.budgeting import Evaluation, Expected
-    from procedures.charting import Charting
-    from procedures.confirming import Confirming
-    from procedures.expected import Columns, Expecting
-    from procedures.further_runs import Limits, Variation
-    from procedures.inference import Inference
-    from procedures.precision import Precision
-    from procedures.pressure.evaluate import WholePlotTraced
-    from procedures.pressure.fit import PressureCalibration
-    from procedures.pressure.settings import WholePlotProcedure
-    from procedures.pressure.zeros import ZeroRows
-    from procedures.results import Fitted, Source, Traced
-    from procedures.run_list import RunList
-    from procedures.table import Reader, Table
+    from rig.fitter.arrays import FloatArray
+    from rig.fitter.effects.entry import Entry
+    from rig.fitter.effects.own import Grammar
+    from rig.procedures.evaluate.acceptance import Verdict
+    from rig.procedures.evaluate.budgeting import Evaluation, Expected
+    from rig.procedures.evaluate.charting import Charting
+    from rig.procedures.evaluate.confirming import Confirming
+    from rig.procedures.evaluate.inference import Inference
+    from rig.procedures.evaluate.results import Fitted, Source, Traced
+    from rig.procedures.plan.expected import Columns, Expecting
+    from rig.procedures.plan.further_runs import Limits, Variation
+    from rig.procedures.plan.precision import Precision
+    from rig.procedures.plan.run_list import RunList
+    from rig.procedures.pressure.evaluate import WholePlotTraced
+    from rig.procedures.pressure.fit import PressureCalibration
+    from rig.procedures.pressure.settings import WholePlotProcedure
+    from rig.procedures.pressure.zeros import ZeroRows
+    from rig.procedures.tables.table import Reader, Table
 
 
 class PressureKind(Kind):
-    """Pressure transducers in temperature whole plots. See `procedures.kind.Kind`."""
+    """Pressure transducers in temperature whole plots. See `rig.procedures.kind.Kind`."""
 
     name = "whole-plot"
     title = "pressure transducers"
@@ -57,21 +57,21 @@ class PressureKind(Kind):
     @property
     def settings(self) -> type[WholePlotProcedure]:
         """See `Kind`."""
-        from procedures.pressure.settings import WholePlotProcedure  # noqa: PLC0415
+        from rig.procedures.pressure.settings import WholePlotProcedure  # noqa: PLC0415
 
         return WholePlotProcedure
 
     @property
     def bench_factors(self) -> tuple[str, ...]:
         """See `Kind`."""
-        from procedures.pressure.settings import FACTORS  # noqa: PLC0415
+        from rig.procedures.pressure.settings import FACTORS  # noqa: PLC0415
 
         return FACTORS
 
     @cached_property
     def own_effects(self) -> Grammar:
         """See `Kind`."""
-        from procedures.pressure.effects.own import GRAMMAR  # noqa: PLC0415
+        from rig.procedures.pressure.effects.own import GRAMMAR  # noqa: PLC0415
 
         return GRAMMAR
 
@@ -83,20 +83,20 @@ class PressureKind(Kind):
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
     ) -> Fitted:
         """Every transducer by every method."""
-        from procedures.pressure.fitted import fit_whole_plots  # noqa: PLC0415
+        from rig.procedures.pressure.fitted import fit_whole_plots  # noqa: PLC0415
 
         given = options.model_dump(exclude_none=True, exclude={"formula"})
         return fit_whole_plots(source.table, options.formula, leave_out=leave_out, **given)
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
         """See `Kind`."""
-        from procedures.pressure.evaluate import trace_whole_plot_table  # noqa: PLC0415
+        from rig.procedures.pressure.evaluate import trace_whole_plot_table  # noqa: PLC0415
 
         return trace_whole_plot_table(source.table, options.formula, own, validate=not options.quick)
 
     def calibration_of(self, given: Mapping[str, Any]) -> Mapping[str, PressureCalibration]:
         """See `Kind`."""
-        from procedures.pressure.fit import PressureCalibration  # noqa: PLC0415
+        from rig.procedures.pressure.fit import PressureCalibration  # noqa: PLC0415
 
         return {n: PressureCalibration.from_dict(one["calibration"]) for n, one in given["sensors"].items()}
 
@@ -112,7 +112,7 @@ class PressureKind(Kind):
         other: Callable[[Path], Reader],
     ) -> Inference:
         """Pressure."""
-        from procedures.pressure.infer_table import infer_pressures  # noqa: PLC0415
+        from rig.procedures.pressure.infer_table import infer_pressures  # noqa: PLC0415
 
         zero = None if options.zero is None else other(options.zero)
         meaning: ZeroRows | None = None if options.zero_rows is None else options.zero_rows.value
@@ -120,13 +120,13 @@ class PressureKind(Kind):
 
     def confirming(self, traced: WholePlotTraced) -> Confirming:
         """See `Kind`."""
-        from procedures.pressure.confirming import WholePlotConfirming  # noqa: PLC0415
+        from rig.procedures.pressure.confirming import WholePlotConfirming  # noqa: PLC0415
 
         return WholePlotConfirming(traced)
 
     def expected(self, procedure: WholePlotProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
         """See `Kind`."""
-        from procedures.pressure.planned import expected_run  # noqa: PLC0415
+        from rig.procedures.pressure.planned import expected_run  # noqa: PLC0415
 
         return expected_run(procedure, run_list, sensors)
 
@@ -141,7 +141,7 @@ class PressureKind(Kind):
 
     def placed(self, columns: Columns, constants: Mapping[str, float]) -> Columns:
         """With the pressure at the transducers, by their height above the standard's reference level."""
-        from procedures.pressure.influences import line_head  # noqa: PLC0415
+        from rig.procedures.pressure.influences import line_head  # noqa: PLC0415
 
         height = constants.get("line_head", 0.0)
         return {**columns, "pressure_psia": line_head(columns["pressure_psia"], height)} if height else columns
@@ -155,43 +155,43 @@ class PressureKind(Kind):
         self, table: Table, options: BudgetOptions, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
     ) -> Evaluation:
         """Coefficients, outputs and pressures by the declared model."""
-        from procedures.pressure.budget import pressure_evaluation  # noqa: PLC0415
+        from rig.procedures.pressure.budget import pressure_evaluation  # noqa: PLC0415
 
         return pressure_evaluation(table, options.formula, at, traced=options.traced)
 
     def charting(self) -> Charting:
         """See `Kind`."""
-        from procedures.pressure.charting import CHARTING  # noqa: PLC0415
+        from rig.procedures.pressure.charting import CHARTING  # noqa: PLC0415
 
         return CHARTING
 
     def expecting(self, calibration: Mapping[str, PressureCalibration]) -> Expecting:
         """See `Kind`."""
-        from procedures.pressure.expected import expected  # noqa: PLC0415
+        from rig.procedures.pressure.expected import expected  # noqa: PLC0415
 
         return partial(expected, calibration)
 
     def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
         """See `Kind`."""
-        from procedures.pressure.expected import model_columns  # noqa: PLC0415
+        from rig.procedures.pressure.expected import model_columns  # noqa: PLC0415
 
         return model_columns(columns)
 
     def unused(self, table: Table) -> Unused:
         """See `Kind`."""
-        from procedures.pressure.table import KNOWN, UNIT  # noqa: PLC0415
+        from rig.procedures.pressure.table import KNOWN, UNIT  # noqa: PLC0415
 
         return unused_in_fit(table, KNOWN, UNIT)
 
     def check_design(self, procedure: WholePlotProcedure, run_list: RunList) -> None:
         """Check that the design can estimate the declared model, and that acceptance can be judged."""
-        from procedures.pressure.declared import check_declared  # noqa: PLC0415
+        from rig.procedures.pressure.declared import check_declared  # noqa: PLC0415
 
         check_declared(procedure, run_list)
 
     def precision(self, procedure: WholePlotProcedure, run_list: RunList) -> Precision:
         """Precision of each term of the declared model."""
-        from procedures.pressure.precision import precision  # noqa: PLC0415
+        from rig.procedures.pressure.precision import precision  # noqa: PLC0415
 
         try:
             return precision(procedure, run_list)
@@ -200,13 +200,13 @@ class PressureKind(Kind):
 
     def judge(self, procedure: WholePlotProcedure, table: Table) -> Sequence[Verdict]:
         """See `Kind`."""
-        from procedures.pressure.acceptance import judge  # noqa: PLC0415
+        from rig.procedures.pressure.acceptance import judge  # noqa: PLC0415
 
         return judge(procedure, table)
 
     def further_runs(self, procedure: WholePlotProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
         """See `Kind`."""
-        from procedures.pressure.further_runs import further_runs  # noqa: PLC0415
+        from rig.procedures.pressure.further_runs import further_runs  # noqa: PLC0415
 
         return further_runs(procedure)
 

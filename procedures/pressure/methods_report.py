@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fitter.rounding import with_error
-from procedures.numbers import number
-from procedures.pictures import grid
-from procedures.pressure.fit import METHODS, PressureFit
-from procedures.pressure.fitted import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
-from procedures.results import Page
+from rig.fitter.rounding import with_error
+from rig.procedures.evaluate.results import Page
+from rig.procedures.present.numbers import number
+from rig.procedures.present.pictures import grid
+from rig.procedures.pressure.fit import METHODS, PressureFit
+from rig.procedures.pressure.fitted import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from procedures.pressure.fitted import WholePlotFitted
+    from rig.procedures.pressure.fitted import WholePlotFitted
 
 _MEASURES = (
     ("max_pct", "Largest residual / % (no error in use where a method fits whole plots as they come)"),
@@ -43,7 +43,7 @@ def fit_page(fitted: WholePlotFitted) -> Page:
         "sensors": [_transducer(name, result["sensors"][name], fitted) for name in fitted.fits],
     }
     span_s = float(np.ptp(fitted.data.elapsed_s))
-    return Page("procedures.pressure", "methods.html.j2", fitted.table, span_s, result["unused"], contents)
+    return Page("rig.procedures.pressure", "methods.html.j2", fitted.table, span_s, result["unused"], contents)
 
 
 def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> dict[str, Any]:

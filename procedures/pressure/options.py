@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from procedures.results import Options
+from rig.procedures.evaluate.results import Options
 
 _FORMULA = (
     "the declared model instead of the one that the run's procedure declares: full, II.C, eq10, hierarchical, or a "

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitter.split_plot import SplitPlotDesign
-from procedures.budgeting import Expected
-from procedures.pressure.precision import coded_columns
-from procedures.pressure.settings import WholePlotProcedure
-from procedures.run_list import RunList
-from procedures.table import Table
+from rig.fitter.split_plot import SplitPlotDesign
+from rig.procedures.evaluate.budgeting import Expected
+from rig.procedures.plan.run_list import RunList
+from rig.procedures.pressure.precision import coded_columns
+from rig.procedures.pressure.settings import WholePlotProcedure
+from rig.procedures.tables.table import Table
 
 _SEED = 20260115
 

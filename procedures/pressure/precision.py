@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.split_plot import plan_precision
-from procedures.precision import Precision
-from procedures.pressure.fit import named_formula
-from procedures.pressure.settings import WholePlotProcedure
-from procedures.run_list import RunList
+from rig.fitter.arrays import FloatArray
+from rig.fitter.split_plot import plan_precision
+from rig.procedures.plan.precision import Precision
+from rig.procedures.plan.run_list import RunList
+from rig.procedures.pressure.fit import named_formula
+from rig.procedures.pressure.settings import WholePlotProcedure
 
 
 def precision(procedure: WholePlotProcedure, run_list: RunList) -> Precision:

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from fitter.rounding import with_error
-from fitter.trace.outcome import Outcome
-from procedures.before_after import compared
-from procedures.effect_plots import drawn
-from procedures.effects_report import effects_part
-from procedures.numbers import number
-from procedures.pictures import BEFORE_AFTER, colour_scale, dress, side_by_side
-from procedures.pressure.data import WholePlotData
-from procedures.results import Page
+from rig.fitter.rounding import with_error
+from rig.fitter.trace.outcome import Outcome
+from rig.procedures.evaluate.before_after import compared
+from rig.procedures.evaluate.results import Page
+from rig.procedures.present.effect_plots import drawn
+from rig.procedures.present.effects_report import effects_part
+from rig.procedures.present.numbers import number
+from rig.procedures.present.pictures import BEFORE_AFTER, colour_scale, dress, side_by_side
+from rig.procedures.pressure.data import WholePlotData
 
 if TYPE_CHECKING:
-    from procedures.pressure.evaluate import WholePlotTraced
+    from rig.procedures.pressure.evaluate import WholePlotTraced
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -107,7 +107,7 @@ def trace_page(traced: WholePlotTraced) -> Page:
         "sensors": [_transducer(one, result["sensors"][one.sensor], traced) for one in traced.outcomes],
     }
     span_s = float(np.ptp(traced.data.elapsed_s))
-    return Page("procedures.pressure", "report.html.j2", traced.table, span_s, result["unused"], contents)
+    return Page("rig.procedures.pressure", "report.html.j2", traced.table, span_s, result["unused"], contents)
 
 
 def _transducer(outcome: Outcome, result: dict[str, Any], traced: WholePlotTraced) -> dict[str, Any]:

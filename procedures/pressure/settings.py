@@ -16,11 +16,11 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from procedures.by_hand import Steps, check_places, with_steps
-from procedures.conduct import Conduct, SoakSettings, WholePlotConduct
-from procedures.fault_policies import ABORT, HOLD, RE_SOAK, RETRY, SKIP, FaultSettings, Policy
-from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import Acceptance, Name, Positive, Strict, WarningSettings
+from rig.procedures.plan.by_hand import Steps, check_places, with_steps
+from rig.procedures.plan.conduct import Conduct, SoakSettings, WholePlotConduct
+from rig.procedures.plan.fault_policies import ABORT, HOLD, RE_SOAK, RETRY, SKIP, FaultSettings, Policy
+from rig.procedures.plan.run_list import Factor, Point, RunList, Settle
+from rig.procedures.plan.settings import Acceptance, Name, Positive, Strict, WarningSettings
 
 PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
 

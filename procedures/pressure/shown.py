@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
-from fitter.rounding import with_error
-from procedures.before_after import compared
-from procedures.blocks import Block, Grid, Line, headline
-from procedures.effects_shown import show_certificate, show_effect, show_unnamed
-from procedures.gross_shown import show_gross, show_left_out
-from procedures.numbers import number
-from procedures.pressure.fitted import IN_USE, errors_in_words, in_use_words, low_pressure
-from procedures.words import verdict_of
+from rig.fitter.rounding import with_error
+from rig.procedures.evaluate.before_after import compared
+from rig.procedures.present.blocks import Block, Grid, Line, headline
+from rig.procedures.present.effects_shown import show_certificate, show_effect, show_unnamed
+from rig.procedures.present.gross_shown import show_gross, show_left_out
+from rig.procedures.present.numbers import number
+from rig.procedures.present.words import verdict_of
+from rig.procedures.pressure.fitted import IN_USE, errors_in_words, in_use_words, low_pressure
 
 if TYPE_CHECKING:
-    from fitter.trace.outcome import Outcome
-    from procedures.pressure.evaluate import WholePlotTraced
+    from rig.fitter.trace.outcome import Outcome
+    from rig.procedures.pressure.evaluate import WholePlotTraced
 
 _MEASURES = (
     ("in_use", "max_pct", "largest reading error in use / %"),

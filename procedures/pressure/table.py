@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from fitter.errors import FitError
-from procedures.errors import DataError
-from procedures.pressure.data import WholePlotData
-from procedures.table import Table
-from procedures.table_checks import check_units, integers, order_of
+from rig.fitter.errors import FitError
+from rig.procedures.errors import DataError
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.tables.table import Table
+from rig.procedures.tables.table_checks import check_units, integers, order_of
 
 WHOLE_PLOT = (
     "whole_plot",

@@ -10,15 +10,15 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.confirm import Together
-from fitter.confirm.runs import Later, changes, join_all, numbers
-from fitter.confirm.together import Candidates, Own
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects.scene import PressureScene
-from procedures.pressure.trace import WholePlotTrace
-from procedures.pressure.trace.places import places_of
-from procedures.pressure.trace.problem import raw_columns
+from rig.fitter.arrays import FloatArray
+from rig.fitter.confirm import Together
+from rig.fitter.confirm.runs import Later, changes, join_all, numbers
+from rig.fitter.confirm.together import Candidates, Own
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects.scene import PressureScene
+from rig.procedures.pressure.trace import WholePlotTrace
+from rig.procedures.pressure.trace.places import places_of
+from rig.procedures.pressure.trace.problem import raw_columns
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.column_names import split_unit
-from procedures.errors import DataError
-from procedures.pressure.fit import PressureCalibration
-from procedures.pressure.infer import STOOD_DEGC, Departure, Zero
-from procedures.table import Table
+from rig.procedures.column_names import split_unit
+from rig.procedures.errors import DataError
+from rig.procedures.pressure.fit import PressureCalibration
+from rig.procedures.pressure.infer import STOOD_DEGC, Departure, Zero
+from rig.procedures.tables.table import Table
 
 TEMPERATURES = ("sensor_temperature_degC", "sse_temperature_degC")
 VACUUM = "vacuum"

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Any
 
 from proving.certificates.documents import ALPHABETS, IN_FONTS, Random
-from rig.certificate.as_dcc import dcc
-from rig.certificate.document import Document
 from rig.dcc.reader import parsed
 from rig.dcc.schema import schema_errors
 from rig.dcc.si_units import si_unit
 from rig.errors import UsageError
 from rig.extras import needed
+from rig.verbs.certificate.as_dcc import dcc
+from rig.verbs.certificate.document import Document
 
 Check = Callable[[bytes], list[str]]
 
@@ -69,7 +69,7 @@ def not_read_back(document: Document, xml: bytes) -> list[str]:
 
 def not_on_paper(document: Document) -> list[str]:
     """Pages of the PDF without the number of the certificate, or without SIMULATED where it belongs."""
-    from rig.certificate.pdf import pdf  # noqa: PLC0415 - an extra
+    from rig.verbs.certificate.pdf import pdf  # noqa: PLC0415 - an extra
 
     pages = needed("pypdf", "dev").PdfReader(io.BytesIO(pdf(document))).pages
     wanted = [document.number, *(["SIMULATED"] if document.simulated else [])]

@@ -7,8 +7,8 @@ import random
 from collections.abc import Sequence
 from typing import Literal
 
-from fitter.rounding import rounded, rounded_df, rounded_factor
-from rig.certificate.document import (
+from rig.fitter.rounding import rounded, rounded_df, rounded_factor
+from rig.verbs.certificate.document import (
     Amendment,
     Condition,
     Dates,
@@ -25,7 +25,7 @@ from rig.certificate.document import (
     Person,
     Supplied,
 )
-from rig.certificate.measured import (
+from rig.verbs.certificate.measured import (
     Budget,
     Column,
     Contribution,

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.config import parse_toml
+from rig.bench.config import parse_toml
 from rig.examples import example
+from rig.files.toml_text import toml_text
 from rig.tables import run_table
-from rig.toml_text import toml_text
 
 _SIZE = re.compile(r"^((?:expanded|half_width|drift|standard) = )([-+.\de]+)$", re.MULTILINE)
 RULES = ("simple", "guard-band", "probability", "shared-risk")

@@ -23,23 +23,23 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from procedures.reversibility import SERIES
 from proving.certificates.campaign import Check, by_schema, not_read_back, rules
 from proving.certificates.labs import AttitudeStand, LabStand, PressureStand
-from rig.certificate import words
-from rig.certificate.assembly import SMALL
-from rig.certificate.document import Document
-from rig.certificate.numbers import plain
-from rig.closed_loop.budget import DOMINATED
-from rig.controller import start_run
 from rig.engine.session import Signals
-from rig.plans import load_plan
-from rig.results.budget import budget
-from rig.results.certificate import Asked, Made, Refused, make
-from rig.results.data import open as open_data
-from rig.results.issue import Issue, issue
+from rig.procedures.evaluate.reversibility import SERIES
 from rig.run_file.reader import RunReader
+from rig.runs.controller import start_run
+from rig.runs.plans import load_plan
 from rig.tables import run_table
+from rig.verbs.budget.evaluation import DOMINATED
+from rig.verbs.budget.result import budget
+from rig.verbs.certificate import words
+from rig.verbs.certificate.assembly import SMALL
+from rig.verbs.certificate.document import Document
+from rig.verbs.certificate.issue import Issue, issue
+from rig.verbs.certificate.numbers import plain
+from rig.verbs.certificate.result import Asked, Made, Refused, make
+from rig.verbs.data.result import open as open_data
 
 ISSUED = datetime.date(2026, 11, 24)
 _TOKEN = re.compile(r"[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?")

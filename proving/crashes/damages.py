@@ -12,7 +12,6 @@ from pathlib import Path
 
 from proving.crashes.runs import Run, crash_once
 from proving.disk import Disk
-from rig.controller import _losses
 from rig.errors import RigError
 from rig.run_file.chain import Record
 from rig.run_file.live import live_path, read_json
@@ -20,6 +19,7 @@ from rig.run_file.reader import RunReader
 from rig.run_file.state import fold
 from rig.run_file.verification import restored
 from rig.run_file.writer import RunWriter
+from rig.runs.controller import _losses
 from rig.tables import run_table
 
 FLIPS = 512

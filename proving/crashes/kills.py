@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from procedures.run_list import RunList
 from rig.examples import example
+from rig.procedures.plan.run_list import RunList
 from rig.run_file.reader import RunReader
 
 ATTITUDE = """

@@ -18,13 +18,13 @@ import apsw
 
 from proving.crashes.kills import judge
 from proving.disk import Crash, Disk
-from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
-from rig.plans import Plan, plan_of
 from rig.run_file.live import LiveState
 from rig.run_file.reader import RunReader
 from rig.run_file.writer import RunWriter
+from rig.runs.controller import resume_run, start_run
+from rig.runs.plans import Plan, plan_of
 
 ATTITUDE = """
 kind = "pitch-roll"

@@ -31,9 +31,9 @@ from typing import Literal, Self
 
 import apsw
 
-from drivers.clock import Clock
 from proving.disk.page_cache import CachedFile, Change
 from proving.disk.vfs import DiskVfs
+from rig.drivers.clock import Clock
 from rig.run_file import storage
 
 _names = itertools.count(1)

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import typer
 
-from drivers.clock import RealClock
-from procedures.errors import DataError
 from proving.doors import of_messages, of_pages, of_runs, of_texts
 from proving.doors.hostile import Acts, Material, Seeded
+from rig.drivers.clock import RealClock
 from rig.errors import RigError
+from rig.procedures.errors import DataError
 
 __all__ = ["DOORS", "Found", "Material", "attack"]
 

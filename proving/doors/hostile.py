@@ -16,11 +16,11 @@ from typing import Any
 
 import typer
 
-from procedures.errors import DataError
 from proving.crashes.damages import small_finished
 from proving.night.campaign import replay
 from rig.cli import app
 from rig.errors import RigError
+from rig.procedures.errors import DataError
 
 Acts = Iterator[Callable[[], object]]
 """What a door is asked to do, one call at a time."""

@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
-from procedures.run_list import Factor, rows_sha256
 from proving.doors.hostile import VALUES, Acts, Material, Seeded, check_json, command, damaged, edited, mutated
-from rig.report.frame import story
+from rig.procedures.plan.run_list import Factor, rows_sha256
 from rig.run_file.chain import GENESIS, Record, encode, link
+from rig.verbs.page import story
 from rig.watch import Shelf
 from rig.watch.feed import RunFeed, encoded
 

@@ -12,18 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arithmetic_text import FormulaError
-from fitter.effects.own import own_effects
-from fitter.formula import Formula
-from procedures.kinds import kinds
 from proving.crashes.runs import PROCEDURES
 from proving.doors.hostile import Acts, Material, command, damaged, edited, mutated, words
-from rig.config import parse_bench, parse_procedure
-from rig.contract_files import with_contracts
-from rig.controller import opened
+from rig.bench.config import parse_bench, parse_procedure
+from rig.bench.contract_files import with_contracts
+from rig.bench.plugins import installed
 from rig.examples import example
-from rig.plans import plan_of
-from rig.plugins import installed
+from rig.fitter.arithmetic_text import FormulaError
+from rig.fitter.effects.own import own_effects
+from rig.fitter.formula import Formula
+from rig.procedures.kinds import kinds
+from rig.runs.controller import opened
+from rig.runs.plans import plan_of
 
 LABS = tuple(sorted(PROCEDURES))
 

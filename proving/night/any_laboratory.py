@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rig.toml_text import toml_text
+from rig.files.toml_text import toml_text
 
 HOLD_S, GAP_S = 1800, 900
 _NOISY = 25.0

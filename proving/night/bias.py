@@ -7,15 +7,15 @@ from math import hypot
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.split_plot import SplitPlotDesign
-from procedures.table import Table
 from proving.night.play import Played
+from rig.fitter.arrays import FloatArray
+from rig.fitter.split_plot import SplitPlotDesign
+from rig.procedures.tables.table import Table
+from rig.sims.physics.expression import Formula
+from rig.sims.physics.laboratory_truth import AnySensorTruth, SourceTruth
+from rig.sims.physics.pressure_truth import TransducerTruth
+from rig.sims.physics.truth import SensorTruth
 from rig.tables import run_table
-from sims.physics.expression import Formula
-from sims.physics.laboratory_truth import AnySensorTruth, SourceTruth
-from sims.physics.pressure_truth import TransducerTruth
-from sims.physics.truth import SensorTruth
 
 
 def deviations(played: Played) -> Iterator[tuple[str, float, float]]:

@@ -11,18 +11,18 @@ from contextlib import AbstractContextManager
 from typing import Any
 from unittest.mock import patch
 
-from drivers.scpi import ScpiMeter
-from drivers.wires import SerialLine
-from procedures.run_list import Factor, Point
+from rig.bench.scatter import most_scatter
+from rig.drivers.scpi import ScpiMeter
+from rig.drivers.wires import SerialLine
 from rig.engine import at_point, sequencer
 from rig.engine.guard import Guard
 from rig.engine.holes import WatchedClock
 from rig.engine.journal import Journal
 from rig.engine.set_by_hand import SetByHand
 from rig.engine.whole_plots import WholePlots
+from rig.procedures.plan.run_list import Factor, Point
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed
-from rig.scatter import most_scatter
 
 
 @contextlib.contextmanager

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import inf
 
-from procedures.run_list import Point, RunList
 from proving.night.play import Played
+from rig.procedures.plan.run_list import Point, RunList
 from rig.run_file.chain import Record
 from rig.run_file.events.points import WholePlotLost
 from rig.run_file.events.sessions import SessionBegan
-from sims.tape import Reading, Tape
+from rig.sims.tape import Reading, Tape
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import random
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from sims.faults import kinds_of, kinds_on
-from sims.twin import TwinClass
+from rig.sims.faults import kinds_of, kinds_on
+from rig.sims.twin import TwinClass
 
 
 @dataclass(frozen=True)

@@ -8,19 +8,19 @@ from dataclasses import dataclass
 from math import sqrt
 from operator import attrgetter
 
-from procedures.column_names import unit_of
-from procedures.run_list import Factor, Point
 from proving.night.judged import Night
-from rig.bench_file import of_reading
-from rig.quantities import HEAD_AXES
+from rig.bench.bench_file import of_reading
+from rig.bench.quantities import HEAD_AXES
+from rig.procedures.column_names import unit_of
+from rig.procedures.plan.run_list import Factor, Point
 from rig.run_file.chain import Record
 from rig.run_file.events.points import WholePlotBegan
-from sims.physics.expression import Formula
-from sims.physics.laboratory_truth import AnySensorTruth, SourceTruth, StandardTruth
-from sims.physics.pressure_truth import TransducerTruth
-from sims.physics.truth import SensorTruth
-from sims.tape import Reading
-from sims.twin import Accuracy, Accurate
+from rig.sims.physics.expression import Formula
+from rig.sims.physics.laboratory_truth import AnySensorTruth, SourceTruth, StandardTruth
+from rig.sims.physics.pressure_truth import TransducerTruth
+from rig.sims.physics.truth import SensorTruth
+from rig.sims.tape import Reading
+from rig.sims.twin import Accuracy, Accurate
 
 
 def truthful(night: Night) -> Iterator[str]:

@@ -15,22 +15,22 @@ from functools import partial
 from pathlib import Path
 from typing import Literal, NoReturn
 
-from drivers.clock import Clock
-from drivers.wires import Wires
 from proving.disk import Crash, Disk, folding
 from proving.night.mishaps import Mishap
 from proving.night.safety import not_safe
 from proving.night.scenario import Scenario
-from rig.bench import Bench, open_bench
-from rig.bench_file import check_options
-from rig.controller import Site, resume_run, start_run
+from rig.bench.bench_file import check_options
+from rig.drivers.clock import Clock
+from rig.drivers.wires import Wires
 from rig.engine.holes import WatchedClock
 from rig.engine.session import Outcome, Signals
 from rig.errors import RigError
-from rig.plans import Plan, plan_of
+from rig.instruments.opening import Bench, open_bench
 from rig.run_file.live import live_path, send_request
+from rig.runs.controller import Site, resume_run, start_run
+from rig.runs.plans import Plan, plan_of
+from rig.sims.tape import Tape
 from rig.simulated.dry_run import DryBench
-from sims.tape import Tape
 
 MOST_SESSIONS = 40
 """A night that is not over after so many starts of the controller is a dead end."""
@@ -134,7 +134,7 @@ class _Stage:
 
     @contextlib.contextmanager
     def opened(self, plan: Plan, *, start: float) -> Iterator[tuple[Bench, Clock, str]]:
-        """See `rig.controller.opened`; the bench is the same in every session, and its time goes on by itself."""
+        """See `rig.runs.controller.opened`; the bench is the same in every session, and its time goes on by itself."""
         del start
         clock = WatchedClock(self.world)
         wires = Wires(clock, simulated=self.bench.sim.transports(), tap=self._tap)

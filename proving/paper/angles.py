@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.fit import AttitudeFit
-from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
 from proving.paper.table_2 import Measured
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.fit import AttitudeFit
+from rig.procedures.attitude.infer import AttitudeCalibration, InferredAttitude, infer_attitude
 
 _CERTAIN = 1e-6
 """Noise of a reading over that of the calibration where the interval of the calibration alone is wanted."""

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
-from procedures.attitude.designs import Design
-from procedures.attitude.infer import calibrate_package
-from procedures.attitude.table import attitude_data
 from proving.paper.nights import Night
-from rig.atomic import write_whole
-from rig.controller import start_run
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
-from rig.plans import load_plan
+from rig.files.atomic import write_whole
+from rig.procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
+from rig.procedures.attitude.designs import Design
+from rig.procedures.attitude.infer import calibrate_package
+from rig.procedures.attitude.table import attitude_data
+from rig.runs.controller import start_run
+from rig.runs.plans import load_plan
 from rig.tables import run_table
 
 

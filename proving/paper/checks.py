@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from procedures.attitude.angles import sin_cos
 from proving.paper import printed
 from proving.paper.angles import Package
 from proving.paper.printed import Row
 from proving.paper.statement import Statement, above, below, between, short
 from proving.paper.table_2 import SCALE, UNDER, Measured
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.angles import sin_cos
 
 Judge = Callable[..., Statement]
 """`above`, `below` or `between`."""

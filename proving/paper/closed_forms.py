@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter import RankError
-from fitter.arrays import FloatArray
-from procedures.attitude.angles import sin_cos
+from rig.fitter import RankError
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.angles import sin_cos
 
 T6_VARIANCE = 2.0 / 3.0
 """Six-point tumble with roll, eq. (69): the same at every attitude."""

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
-from procedures.pictures import legend_below, plots, png
 from proving.paper.plots import Figure, Line, Panel
+from rig.procedures.present.pictures import legend_below, plots, png
 
 _LINES = {"-", "--", ":", "-."}
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from procedures.attitude.data import AttitudeData
 from proving.paper.angles import Package
 from proving.paper.plots import PITCH, ROLL, Figure, Line, Panel
 from proving.paper.table_2 import SCALE, UNDER, Measured
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.procedures.attitude.data import AttitudeData
 
 _MARKS = "osD^v<"
 _RESIDUAL, _PITCH_ERROR, _ROLL_ERROR = (f"{what} / 1e-4 deg" for what in ("residual", "pitch error", "roll error"))

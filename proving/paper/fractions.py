@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from procedures.attitude.designs import Design, fraction, grid, uniform
 from proving.paper.plots import PITCH, ROLL, Figure, Line, Panel
 from proving.paper.statement import Statement, digits
 from proving.paper.table_2 import FRACTION_53, FRACTION_73
+from rig.procedures.attitude.designs import Design, fraction, grid, uniform
 
 FULL_247 = grid("D", uniform(-90, 90, 19), uniform(-180, 180, 13))
 FRACTION_139 = fraction(FULL_247, pitch_every=3, roll_every=4)

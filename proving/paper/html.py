@@ -10,7 +10,7 @@ import jinja2
 from proving.paper.document import TITLE
 from proving.paper.draw import draw
 from proving.paper.study import Study
-from rig.atomic import write_whole
+from rig.files.atomic import write_whole
 from rig.version import versions
 
 
@@ -42,5 +42,5 @@ def write_pages(study: Study, folder: Path, say: Callable[[str], None]) -> Path:
 
 def _environment() -> jinja2.Environment:
     """Our page within the frame of the reports."""
-    loaders = [jinja2.PackageLoader("proving.paper"), jinja2.PackageLoader("rig.report")]
+    loaders = [jinja2.PackageLoader("proving.paper"), jinja2.PackageLoader("rig.verbs")]
     return jinja2.Environment(loader=jinja2.ChoiceLoader(loaders), autoescape=True, undefined=jinja2.StrictUndefined)

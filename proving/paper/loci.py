@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.attitude.angles import sin_cos
-from procedures.attitude.infer import singularity
-from procedures.attitude.infer.singular import normal
 from proving.paper.packages import Mounting, off_grid, package
 from proving.paper.plots import PITCH, ROLL, Field, Figure, Line, Panel
 from proving.paper.statement import Statement, above, below
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.angles import sin_cos
+from rig.procedures.attitude.infer import singularity
+from rig.procedures.attitude.infer.singular import normal
 
 _PITCH, _ROLL = off_grid(-180, 180, 1.0), off_grid(-180, 180, 2.0)
 _NEARLY = 0.01

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from procedures.attitude.designs import uniform
-from rig.config import parse_toml, read_text
+from rig.bench.config import parse_toml, read_text
 from rig.examples import example
-from rig.toml_text import toml_text
+from rig.files.toml_text import toml_text
+from rig.procedures.attitude.designs import uniform
 
 _SECONDS_A_POINT = 32.0
 _COLDEST_UTC = datetime(2026, 1, 16, 4, 20, tzinfo=UTC)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.attitude.angles import sin_cos
-from procedures.attitude.designs import uniform
-from procedures.attitude.merit import DesignPoints, Usage, curve, figure_of_merit
 from proving.paper.closed_forms import T4_VARIANCE, T6_VARIANCE, d1_variance
 from proving.paper.plots import NORMALISED, PITCH, Figure, Line, Panel
 from proving.paper.statement import SMALL, Statement, about, above, below, digits
 from proving.paper.table_1 import M, N, d1, designs, merit, no_roll
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.angles import sin_cos
+from rig.procedures.attitude.designs import uniform
+from rig.procedures.attitude.merit import DesignPoints, Usage, curve, figure_of_merit
 
 RANGES_DEG = (30.0, 45.0, 90.0, 180.0)
 COUNTS = (5, 9, 17, 33, 65)

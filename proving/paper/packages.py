@@ -1,6 +1,6 @@
 """Packages of figures 6 to 20: sensors of unit sensitivity, perfectly calibrated, and the errors of their angles.
 
-Everything is asked of `procedures.attitude.infer`, which is what a calibrated package is inferred with. Its errors are
+Everything is asked of `rig.procedures.attitude.infer`, with which a calibrated package is inferred. Its errors are
 of first order as those of the paper. Noise is made so small that no attitude is left open for being near a singular
 one.
 """
@@ -12,10 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.arrays import FloatArray
-from procedures.attitude.angles import sin_cos
-from procedures.attitude.infer import AttitudeCalibration, InferredAttitude, SensorModel, infer_attitude
-from procedures.attitude.model import AXES, COLUMNS, linear_coefficients
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.angles import sin_cos
+from rig.procedures.attitude.infer import AttitudeCalibration, InferredAttitude, SensorModel, infer_attitude
+from rig.procedures.attitude.model import AXES, COLUMNS, linear_coefficients
 
 NOISE = 1e-8
 """Standard deviation of the x sensor, in g."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from procedures.attitude.designs import roll_circle, uniform
-from procedures.attitude.merit import DesignPoints, Usage, figure_of_merit
 from proving.paper import printed
 from proving.paper.statement import Statement, digits
+from rig.procedures.attitude.designs import roll_circle, uniform
+from rig.procedures.attitude.merit import DesignPoints, Usage, figure_of_merit
 
 N, M = 33, 64
 """Pitch and roll angles of the table's designs."""

@@ -8,16 +8,16 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.quantiles import f_limit
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.designs import Design, fraction, grid, tumble, uniform
-from procedures.attitude.fit import AttitudeFit, fit_attitude
-from procedures.attitude.model import sigma_deg
 from proving.paper import printed
 from proving.paper.capture import at_points, temperature_corrected
 from proving.paper.printed import Row
 from proving.paper.statement import Statement, digits
+from rig.fitter.arrays import FloatArray
+from rig.fitter.quantiles import f_limit
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.designs import Design, fraction, grid, tumble, uniform
+from rig.procedures.attitude.fit import AttitudeFit, fit_attitude
+from rig.procedures.attitude.model import sigma_deg
 
 SCALE = 1e4
 """Standard errors are in 1e-4 deg, as printed."""

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.attitude.angles import sin_cos
-from procedures.attitude.infer import AttitudeCalibration
 from proving.paper.packages import normalised_sd, off_grid, package, percent, worst
 from proving.paper.plots import PITCH, ROLL, Figure, Line, Panel
 from proving.paper.statement import SMALL, Statement, about, below, digits
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.angles import sin_cos
+from rig.procedures.attitude.infer import AttitudeCalibration
 
 CASES = {13: (0.1, 10.0), 15: (1.0, 10.0), 17: (1.0, 1.0), 19: (5.0, 10.0)}
 """Coning angle, and noise of y and z over that of x, by the first of two figures: over pitch, and over roll."""

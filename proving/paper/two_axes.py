@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.attitude.angles import sin_cos
-from procedures.attitude.infer import AttitudeCalibration
 from proving.paper.packages import normalised_sd, off_grid, package, percent, worst
 from proving.paper.plots import ROLL, Figure, Line, Panel
 from proving.paper.statement import SMALL, Statement, above, below
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.angles import sin_cos
+from rig.procedures.attitude.infer import AttitudeCalibration
 
 CASES = {
     "a": (("x", 1.0, 90.0, 1.0), ("y", 1.0, 0.0, 1.0)),

@@ -15,14 +15,14 @@ from unittest.mock import patch
 
 import numpy as np
 
-from fitter.trace import aliases
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.trace import trace
-from procedures.attitude.trace.result import Trace
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.attitude import D1, Bench, Outputs, Plan, Sensor, simulate, told_the_truth
 from proving.truth.attitude_hidden import CLEAN, HIDDEN, PADS_AND_TEMPERATURE, sized, together
+from rig.fitter.trace import aliases
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.trace import trace
+from rig.procedures.attitude.trace.result import Trace
 
 GRID = D1(180, 25, 13)
 NO_ROLL = Plan(np.linspace(-180, 180, 37), np.array([0.0]))

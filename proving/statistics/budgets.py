@@ -11,12 +11,12 @@ from typing import Any, Literal, cast
 import numpy as np
 from GTC import core, reporting
 
-from fitter.arrays import FloatArray
-from fitter.budget import EXCESS, Budgeted, Correlation, Influence, TypeA, budgets, check, combine, monte_carlo
-from fitter.budget.coverage import NORMAL_FROM
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.budgets import SHAPES, Laboratory, laboratory
+from rig.fitter.arrays import FloatArray
+from rig.fitter.budget import EXCESS, Budgeted, Correlation, Influence, TypeA, budgets, check, combine, monte_carlo
+from rig.fitter.budget.coverage import NORMAL_FROM
 
 _COMPLEX_STEP = 1e-30
 _MEASUREMENTS = 2000

@@ -11,11 +11,11 @@ from functools import partial
 
 import numpy as np
 
-from fitter.history import Between, error_bound, homogeneity, limits, step, trend
-from procedures.attitude.history import attitude_charted, calibrated
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.chart import KINDS, draw_history, largest_error_deg
+from rig.fitter.history import Between, error_bound, homogeneity, limits, step, trend
+from rig.procedures.attitude.history import attitude_charted, calibrated
 
 COUNTS = (3, 6, 10, 20)
 SIZES = {"none": 0.0, "scatter": 2.0, "walk": 3.0, "together": 3.0, "step": 5.0, "linear": 3.0}

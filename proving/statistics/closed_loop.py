@@ -9,13 +9,13 @@ import tempfile
 from functools import partial
 from pathlib import Path
 
-from procedures.attitude.evaluate import AttitudeTraced
 from proving.ledger import Result
 from proving.statistics.dry_runs import dry
 from proving.statistics.frame import Figures, Part, Results, Study
-from rig.closed_loop import trace_table
+from rig.by_kind import trace_table
 from rig.examples import example
-from rig.plans import load_plan
+from rig.procedures.attitude.evaluate import AttitudeTraced
+from rig.runs.plans import load_plan
 from rig.tables import run_table
 
 LAB = example("attitude-lab")

@@ -16,7 +16,7 @@ from proving.ledger import Result
 from proving.statistics.confirm_any import confirmed, judged, loops
 from proving.statistics.dry_runs import Truth, one_sensor
 from proving.statistics.frame import Figures, Part, Results, Study
-from rig.closed_loop.confirm import open_traced
+from rig.verbs.confirm import open_traced
 
 PADS: Truth = {"isolation_pad": {"pitch_compliance_deg_per_g": 5e-4}}
 ONCE: Truth = {"head_error": [{"axis": "pitch", "amplitude_arcsec": 1.0, "periods_per_turn": 1.0, "phase_deg": 0.0}]}

@@ -18,7 +18,7 @@ from pathlib import Path
 from proving.ledger import Result
 from proving.statistics.dry_runs import dry, plan_from, read
 from proving.statistics.frame import Figures, Results, Study
-from rig.closed_loop.confirm import First, consider, following, judge, open_traced, plan_for, propose
+from rig.verbs.confirm import First, consider, following, judge, open_traced, plan_for, propose
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from proving.ledger import Result
 from proving.statistics.confirm import NO_ROLL
 from proving.statistics.dry_runs import Truth, one_sensor
 from proving.statistics.frame import Figures, Part, Results, Study
-from rig.closed_loop import fit_table
+from rig.by_kind import fit_table
 from rig.tables import run_table
 
 OFFSET_V, S_V = 0.0123, 5.02

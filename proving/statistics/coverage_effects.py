@@ -16,29 +16,29 @@ from typing import Any, cast
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.budget import Budgeted, budgets
-from fitter.decision import SimpleAcceptance, Tolerance, decide
-from procedures.attitude.budget import AttitudeEvaluation
-from procedures.attitude.budget_traced import TracedEvaluation as TracedAttitude
-from procedures.budgeting import Evaluation
-from procedures.column_names import moves_of, spelled, stem_of, unit_of
-from procedures.errors import DataError
-from procedures.general.budget import general_evaluation
-from procedures.influences import explain, influences
-from procedures.pressure.budget import PressureEvaluation
-from procedures.pressure.budget_traced import TracedEvaluation
-from procedures.pressure.trace import trace_whole_plots
-from procedures.stated import Statements
-from procedures.table import Table
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.attitude import D1, simulate, volts
 from proving.truth.attitude_hidden import HIDDEN, sized
 from proving.truth.stands import EFFECTS, METERS, USUAL_degC, stand
 from proving.truth.whole_plot_hidden import hide
-from rig.closed_loop.budget import RunBudget
-from rig.closed_loop.undeclared import with_undeclared
+from rig.fitter.arrays import FloatArray
+from rig.fitter.budget import Budgeted, budgets
+from rig.fitter.decision import SimpleAcceptance, Tolerance, decide
+from rig.procedures.attitude.budget import AttitudeEvaluation
+from rig.procedures.attitude.budget_traced import TracedEvaluation as TracedAttitude
+from rig.procedures.column_names import moves_of, spelled, stem_of, unit_of
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.budgeting import Evaluation
+from rig.procedures.evaluate.influences import explain, influences
+from rig.procedures.evaluate.stated import Statements
+from rig.procedures.general.budget import general_evaluation
+from rig.procedures.pressure.budget import PressureEvaluation
+from rig.procedures.pressure.budget_traced import TracedEvaluation
+from rig.procedures.pressure.trace import trace_whole_plots
+from rig.procedures.tables.table import Table
+from rig.verbs.budget.evaluation import RunBudget
+from rig.verbs.budget.undeclared import with_undeclared
 
 FORCES = np.array([0.0, 2.0, 5.0, 10.0])
 BINS = (0.0, 0.05, 0.2, 0.5, 0.8, 0.95, 1.0)

@@ -12,13 +12,13 @@ from functools import partial
 
 import numpy as np
 
-from procedures.general.declared import Declared, model_of
-from procedures.general.fit import calibration_of
-from procedures.general.infer import infer_curve
-from procedures.general.infer.calibration import student
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.curves import TRUTHS, calibration, readings
+from rig.procedures.general.declared import Declared, model_of
+from rig.procedures.general.fit import calibration_of
+from rig.procedures.general.infer import infer_curve
+from rig.procedures.general.infer.calibration import student
 
 DECLARED: Mapping[str, Declared] = {
     "line": Declared("1 + x"),

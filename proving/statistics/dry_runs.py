@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rig.config import parse_toml
-from rig.controller import start_run
+from rig.bench.config import parse_toml
 from rig.engine.session import Signals
 from rig.examples import example
-from rig.plans import Plan, plan_of
-from rig.toml_text import toml_text
+from rig.files.toml_text import toml_text
+from rig.runs.controller import start_run
+from rig.runs.plans import Plan, plan_of
 
 Truth = dict[str, Any]
 """A part of a world file."""

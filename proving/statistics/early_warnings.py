@@ -15,16 +15,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
-from procedures.expected import Previous
 from proving.ledger import Result
 from proving.statistics.dry_runs import dry
 from proving.statistics.frame import Figures, Part, Results, Study
 from rig.engine.early_warning import EarlyWarnings
 from rig.examples import example
-from rig.plans import load_plan, plan_of
-from rig.previous import read_previous
+from rig.procedures.plan.expected import Previous
 from rig.run_file.events.bench import Warned
 from rig.run_file.reader import RunReader
+from rig.runs.plans import load_plan, plan_of
+from rig.runs.previous import read_previous
 
 Body = dict[str, Any]
 Spoil = Callable[[str, int, float, Body], None]

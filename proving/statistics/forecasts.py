@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from fitter.confirm import NOTHING, Confirmation, Separation
 from proving.ledger import Result
 from proving.statistics.dry_runs import Truth, dry, plan_from, read
 from proving.statistics.frame import Figures, Part, Results, Study
-from rig.closed_loop.confirm import consider, judge, open_traced, plan_for, propose
+from rig.fitter.confirm import NOTHING, Confirmation, Separation
+from rig.verbs.confirm import consider, judge, open_traced, plan_for, propose
 
 FLOOR = 0.5
 """Promises below half a standard error are as good as none: a ratio with them says nothing."""

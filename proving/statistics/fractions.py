@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.fractions_compared import compare_fractions
-from procedures.table import Table
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.attitude import D1, Bench, simulate
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.fractions_compared import compare_fractions
+from rig.procedures.tables.table import Table
 
 PADS = replace(Bench(), compliance={("y", "x"): 1.5e-3})
 """sigma_prec 1.5e-4 deg, and isolation pads that give so much that sigma_bias of x is the paper's 3.7e-4 deg."""

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.gross import GrossErrors
-from procedures.attitude.gross import of_attitude
-from procedures.general.gross import of_table
-from procedures.pressure.fit import named_formula
-from procedures.pressure.gross import of_whole_plots
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth import attitude, whole_plot
+from rig.fitter.arrays import FloatArray
+from rig.fitter.gross import GrossErrors
+from rig.procedures.attitude.gross import of_attitude
+from rig.procedures.general.gross import of_table
+from rig.procedures.pressure.fit import named_formula
+from rig.procedures.pressure.gross import of_whole_plots
 
 Tables = Callable[[int], Iterator[GrossErrors]]
 FULL = named_formula("full", ())

@@ -10,19 +10,19 @@ from functools import partial
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.quantiles import t_limit
-from procedures.attitude.infer import InferredAttitude, calibrate_package, infer_attitude
-from procedures.attitude.model import (
+from proving.ledger import Result
+from proving.statistics.frame import Figures, Part, Results, Study
+from proving.truth.attitude import Bench, Plan, Sensor, volts, without_noise
+from rig.fitter.arrays import FloatArray
+from rig.fitter.quantiles import t_limit
+from rig.procedures.attitude.infer import InferredAttitude, calibrate_package, infer_attitude
+from rig.procedures.attitude.model import (
     attitude_columns,
     attitude_parameters,
     fit_columns,
     linear_coefficients,
     sensitive_axis,
 )
-from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
-from proving.truth.attitude import Bench, Plan, Sensor, volts, without_noise
 
 BENCH = Bench()
 UNEQUAL = replace(

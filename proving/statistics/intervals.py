@@ -13,19 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from fitter.quantiles import t_limit
-from procedures.attitude.evaluate import AttitudeTraced
-from procedures.attitude.trace import trace
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.evaluate import GeneralTraced
-from procedures.general.trace import trace_general
-from procedures.general.trace.estimate import estimate
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.run import problem_of
-from procedures.pressure.evaluate import WholePlotTraced
-from procedures.pressure.fitted import Declared
-from procedures.pressure.trace import trace_whole_plots
-from procedures.table import Table
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.attitude import D1
@@ -36,6 +23,19 @@ from proving.truth.table import Columns, Lab, options
 from proving.truth.table import simulate as simulate_table
 from proving.truth.whole_plot import Bench, Run, Transducer
 from proving.truth.whole_plot import simulate as simulate_whole_plots
+from rig.fitter.quantiles import t_limit
+from rig.procedures.attitude.evaluate import AttitudeTraced
+from rig.procedures.attitude.trace import trace
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.evaluate import GeneralTraced
+from rig.procedures.general.trace import trace_general
+from rig.procedures.general.trace.estimate import estimate
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.run import problem_of
+from rig.procedures.pressure.evaluate import WholePlotTraced
+from rig.procedures.pressure.fitted import Declared
+from rig.procedures.pressure.trace import trace_whole_plots
+from rig.procedures.tables.table import Table
 
 GRID = D1(90, 13, 13)
 S = CLEAN.sensors[0].S

@@ -11,15 +11,15 @@ from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
-from procedures.column_names import stem_of
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.of_runs import Asked, models_of, roles_of_run
-from procedures.general.trace import search_table
-from procedures.table import Table
 from proving.ledger import Result
 from proving.statistics.dry_runs import dry, plan_from, read
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.instruments import CAUSES
+from rig.procedures.column_names import stem_of
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.of_runs import Asked, models_of, roles_of_run
+from rig.procedures.general.trace import search_table
+from rig.procedures.tables.table import Table
 from rig.run_file.events.bench import Warned
 from rig.run_file.reader import RunReader
 from rig.tables import run_table

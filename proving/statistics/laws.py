@@ -14,16 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import trace_general
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.run import problem_of
-from procedures.general.trace.together import together
-from procedures.table import Table
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.laws import Law, drawn, laws
 from proving.truth.table import Lab, options, simulate
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import trace_general
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.run import problem_of
+from rig.procedures.general.trace.together import together
+from rig.procedures.tables.table import Table
 
 LEFT_SD = 1.0
 """Part of the truth beyond a model, rms over sd, from which on it counts."""

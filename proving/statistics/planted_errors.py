@@ -13,21 +13,21 @@ from functools import partial
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.formula import Formula
-from fitter.gross import LEVEL, GrossErrors
-from fitter.gross.rows import Rows
-from fitter.nonlinear import Distance
-from fitter.own_span import NO_GROUP
-from procedures.attitude.gross import of_attitude
-from procedures.general.gross import of_table
-from procedures.general.rows import CurveRows
-from procedures.pressure.fit import named_formula
-from procedures.pressure.fit.models import of_whole_plot
-from procedures.pressure.gross import of_whole_plots
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth import attitude, whole_plot
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.formula import Formula
+from rig.fitter.gross import LEVEL, GrossErrors
+from rig.fitter.gross.rows import Rows
+from rig.fitter.nonlinear import Distance
+from rig.fitter.own_span import NO_GROUP
+from rig.procedures.attitude.gross import of_attitude
+from rig.procedures.general.gross import of_table
+from rig.procedures.general.rows import CurveRows
+from rig.procedures.pressure.fit import named_formula
+from rig.procedures.pressure.fit.models import of_whole_plot
+from rig.procedures.pressure.gross import of_whole_plots
 
 SIZES = (5.0, 7.0, 20.0, 100.0, 1e4, 1e6, 1e9)
 """In standard deviations of a reading; each bad row is one to one and a half times as far off."""

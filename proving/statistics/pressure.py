@@ -10,15 +10,15 @@ from functools import cache, partial
 import numpy as np
 from scipy.special import ndtri, stdtr
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.quantiles import t_limit
-from fitter.split_plot import SplitPlotDesign
-from procedures.pressure.fit import METHODS, fit_pressure
-from procedures.pressure.fit.methods import fit_method
-from procedures.pressure.infer import Zero, infer_pressure
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.pressure import GROWING, GROWING_AND_CUBIC, HOMOSCEDASTIC, Transducer, simulate
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.quantiles import t_limit
+from rig.fitter.split_plot import SplitPlotDesign
+from rig.procedures.pressure.fit import METHODS, fit_pressure
+from rig.procedures.pressure.fit.methods import fit_method
+from rig.procedures.pressure.infer import Zero, infer_pressure
 
 
 def coverage(

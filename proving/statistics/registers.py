@@ -13,24 +13,24 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.budget import combine
-from fitter.budget.budget import DOMINATED
-from fitter.budget.coverage import EXCESS
-from procedures.attitude.budget import AttitudeEvaluation
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.infer import infer_attitude
-from procedures.attitude.results import STANDARD_GRAVITY
-from procedures.budgeting import Evaluation
-from procedures.general.budget import GeneralEvaluation, general_evaluation
-from procedures.influences import Found, explain, influences
-from procedures.pressure.budget import PressureEvaluation
-from procedures.stated import Curve, PlaceConstant, Stated, Statements
-from procedures.table import Table
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth import laboratories as truth
 from proving.truth import pressure as bridge
+from rig.fitter.arrays import FloatArray
+from rig.fitter.budget import combine
+from rig.fitter.budget.budget import DOMINATED
+from rig.fitter.budget.coverage import EXCESS
+from rig.procedures.attitude.budget import AttitudeEvaluation
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.infer import infer_attitude
+from rig.procedures.attitude.results import STANDARD_GRAVITY
+from rig.procedures.evaluate.budgeting import Evaluation
+from rig.procedures.evaluate.influences import Found, explain, influences
+from rig.procedures.evaluate.stated import Curve, PlaceConstant, Stated, Statements
+from rig.procedures.general.budget import GeneralEvaluation, general_evaluation
+from rig.procedures.pressure.budget import PressureEvaluation
+from rig.procedures.tables.table import Table
 
 PITCH, ROLL = (
     angle.ravel() for angle in np.meshgrid(np.linspace(-60, 60, 7), np.linspace(-180, 150, 12), indexing="ij")

@@ -6,10 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from fitter.split_plot import SplitPlotDesign
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.split_plot import NAMES, WHOLE_PLOT, columns
+from rig.fitter.split_plot import SplitPlotDesign
 
 RATIOS = (0.0, 0.02, 0.05, 0.1, 0.3, 1.0, 10.0)
 NEW = (2, 80)

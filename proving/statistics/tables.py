@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.evaluate import trace_general_table
-from procedures.general.trace import search_table
-from procedures.table import Table
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.table import MISSING, Lab, options, simulate
 from rig.errors import UsageError
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.evaluate import trace_general_table
+from rig.procedures.general.trace import search_table
+from rig.procedures.tables.table import Table
 from rig.tables import FileSource
 
 NOISE: dict[str, dict[str, Any]] = {

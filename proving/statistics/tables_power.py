@@ -15,16 +15,16 @@ from typing import Any
 import numpy as np
 from scipy import optimize, special, stats
 
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import search_table
-from procedures.general.trace.estimate import error_of, estimate
-from procedures.general.trace.run import problem_of
-from procedures.table import Table
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.statistics.tables import found_or_alike
 from proving.statistics.told import free_of, powers
 from proving.truth.table import MISSING, Missing, options, simulate
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import search_table
+from rig.procedures.general.trace.estimate import error_of, estimate
+from rig.procedures.general.trace.run import problem_of
+from rig.procedures.tables.table import Table
 
 STEPS = (1.0, 1.3, 1.6, 2.0, 2.6, 3.4, 4.5)
 """Sizes tried, in units of that which the told test finds with 95 % power."""

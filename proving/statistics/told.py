@@ -14,7 +14,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 Root = NDArray[np.floating[Any]]
 PART = 1000

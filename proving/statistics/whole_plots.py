@@ -14,15 +14,15 @@ from functools import partial
 import numpy as np
 from scipy.special import nctdtr, stdtrit
 
-from fitter.arrays import FloatArray
-from fitter.split_plot import SplitPlotDesign
-from procedures.pressure.fit import named_formula
-from procedures.pressure.trace import trace_whole_plots
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.statistics.told import free_of, powers
 from proving.truth.whole_plot import CUBIC, GROWING, Bench, Run, Transducer, simulate
 from proving.truth.whole_plot_hidden import HIDDEN, Hiding, hide
+from rig.fitter.arrays import FloatArray
+from rig.fitter.split_plot import SplitPlotDesign
+from rig.procedures.pressure.fit import named_formula
+from rig.procedures.pressure.trace import trace_whole_plots
 
 SEVEN = tuple(Transducer(offset=0.1 * k, sensitivity=1.9 + 0.03 * k) for k in range(7))
 CLEAN = {

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 SWEEPS = 60
 """Maximum number of sweeps of the lasso over its active columns at one penalty."""

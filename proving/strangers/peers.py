@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
+from rig.fitter.arrays import FloatArray, IntArray
 from proving.strangers.columns import Products, lasso_path, stepwise, thresholded
 from proving.strangers.judge import Judged
 from proving.strangers.rows import Rows

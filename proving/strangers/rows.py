@@ -8,19 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.split_plot import SplitPlotDesign
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.table import attitude_data
-from procedures.attitude.trace.pose import pose as pose_attitude
-from procedures.general.column_roles import Roles, read_roles
-from procedures.general.trace.run import problem_of
-from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.fit import named_formula
-from procedures.pressure.table import whole_plot_data
-from procedures.pressure.trace.problem import pose as pose_pressure
-from procedures.pressure.trace.run import scene_of
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.split_plot import SplitPlotDesign
+from rig.procedures.attitude.effects import CATALOGUE
+from rig.procedures.attitude.table import attitude_data
+from rig.procedures.attitude.trace.pose import pose as pose_attitude
+from rig.procedures.general.column_roles import Roles, read_roles
+from rig.procedures.general.trace.run import problem_of
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
+from rig.procedures.pressure.fit import named_formula
+from rig.procedures.pressure.table import whole_plot_data
+from rig.procedures.pressure.trace.problem import pose as pose_pressure
+from rig.procedures.pressure.trace.run import scene_of
 from proving.strangers.sets import Made
 from proving.strangers.traced import options_of, with_file
 from rig.tables import FileSource

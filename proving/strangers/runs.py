@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from fitter.errors import FitError
-from procedures.errors import DataError
+from rig.fitter.errors import FitError
+from rig.procedures.errors import DataError
 from proving.strangers.judge import Judged, judge_of
 from proving.strangers.peers import PEERS, says
 from proving.strangers.rows import rows_of

@@ -16,8 +16,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol
 
-from drivers.clock import RealClock
-from fitter.arrays import FloatArray
+from rig.drivers.clock import RealClock
+from rig.fitter.arrays import FloatArray
 from rig.errors import UsageError
 
 KINDS = ("attitude", "whole_plots", "general")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 WAVES = 24
 LENGTHS = (0.05, 0.1, 0.2, 0.4, 0.8)

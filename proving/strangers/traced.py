@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 from unittest.mock import patch
 
-import procedures.attitude.trace.run
-import procedures.general.trace.report
-import procedures.pressure.trace.run
 import rig
+import rig.procedures.attitude.trace.run
+import rig.procedures.general.trace.report
+import rig.procedures.pressure.trace.run
 from proving.strangers.sets import Made
 
 LISTS = ("group", "candidates", "ignore")
@@ -44,7 +44,7 @@ def with_file(made: Made, work: Callable[[Path], T]) -> T:
         return work(path)
 
 
-LEFT_OUT = (procedures.attitude.trace.run, procedures.pressure.trace.run, procedures.general.trace.report)
+LEFT_OUT = (rig.procedures.attitude.trace.run, rig.procedures.pressure.trace.run, rig.procedures.general.trace.report)
 """Modules that repeat the search without some of the rows, by their `left_out`."""
 
 

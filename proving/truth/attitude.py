@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.data import AttitudeData
 
 Array = NDArray[np.float64]
 Outputs = dict[str, Array]

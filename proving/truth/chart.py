@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from procedures.attitude.data import AttitudeData
 from proving.truth.attitude import D1, Array, Bench, Sensor, simulate
+from rig.procedures.attitude.data import AttitudeData
 
 KINDS = ("none", "scatter", "walk", "together", "step", "linear")
 BENCH = Bench(sensors=(Sensor("x"),), degC_daily=0.0, offset_sd=0.5)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.table import Table
+from rig.procedures.tables.table import Table
 
 FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.data import WholePlotData
 
 Array = NDArray[np.float64]
 

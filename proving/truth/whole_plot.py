@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.data import WholePlotData
 
 PRESSURES = (0.01, 0.01, 0.12, 0.5, 0.79, 1.0, 2.5, 2.5, 4.0, 5.0, 5.0)
 CORNER = 0.5**0.5

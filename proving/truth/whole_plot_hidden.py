@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from procedures.pressure.data import WholePlotData
 from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Run, Transducer, simulate
+from rig.procedures.pressure.data import WholePlotData
 
 # nine temperatures of the transducer: a knee is none of a cube
 NINE = tuple((k / 4.0 - 1.0, (-1.0) ** k * e) for e in (0.3, 1.0) for k in range(9)) + 2 * ((0.0, 0.0),)

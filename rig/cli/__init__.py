@@ -16,9 +16,9 @@ from typing import Annotated
 
 import typer
 
-from procedures.errors import BrokenKind, DataError
 from rig.cli.commands import Commands
 from rig.errors import ExitCode, NotSafe, RigError
+from rig.procedures.errors import BrokenKind, DataError
 
 # Typer contains click from 0.2x on and used the installed one before: this finds both.
 _UsageProblem: type[Exception] = next(cls for cls in typer.BadParameter.__mro__ if cls.__name__ == "ClickException")
@@ -63,7 +63,7 @@ def main() -> None:
         code = app(standalone_mode=False)
         sys.stdout.flush()
     except (RigError, DataError, BrokenKind) as error:
-        from rig.present.visible import visible  # noqa: PLC0415
+        from rig.procedures.present.visible import visible  # noqa: PLC0415
 
         print(f"rig: {visible(str(error))}", file=sys.stderr)
         if isinstance(error, NotSafe) and isinstance(error.__cause__, Exception):

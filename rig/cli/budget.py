@@ -9,7 +9,6 @@ from typing import Annotated, Any
 
 import typer
 
-from rig.atomic import check_files, check_format
 from rig.cli import app
 from rig.cli.budget_options import EquipmentOption, SameMeterOption
 from rig.cli.kind_options import with_options_of_kinds
@@ -17,7 +16,8 @@ from rig.cli.options import JsonOption, RunArgument
 from rig.cli.progress import counting
 from rig.cli.show import out, print_json, show_notes
 from rig.errors import ExitCode
-from rig.present.terminal import show
+from rig.files.atomic import check_files, check_format
+from rig.procedures.present.terminal import show
 
 
 @app.command()
@@ -74,8 +74,8 @@ def budget(
 
     Example: `rig budget RUN --equipment equipment.toml --at force_kN=2.5`
     """
-    from procedures.points import points  # noqa: PLC0415
-    from rig.results.budget import budget as budget_run  # noqa: PLC0415
+    from rig.procedures.evaluate.points import points  # noqa: PLC0415
+    from rig.verbs.budget.result import budget as budget_run  # noqa: PLC0415
 
     check_files([report], [run_file, *filter(None, (equipment,))])
     check_format(report, ".html", ".htm")

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from procedures.column_names import split_unit, unit_of
 from rig.cli import app
 from rig.cli.options import JsonOption
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode, UsageError
+from rig.procedures.column_names import split_unit, unit_of
 from rig.register.units import NOT_CELSIUS
 
 if TYPE_CHECKING:
@@ -136,9 +136,9 @@ def certificate(
         raise UsageError(
             "a certificate needs a run or a table, and --out FOLDER: rig certificate RUN --out certificates"
         )
-    from rig.atomic import check_files  # noqa: PLC0415
-    from rig.results.certificate import Asked, make  # noqa: PLC0415
-    from rig.results.issue import Issue, all_files, check_extras, issue  # noqa: PLC0415
+    from rig.files.atomic import check_files  # noqa: PLC0415
+    from rig.verbs.certificate.issue import Issue, all_files, check_extras, issue  # noqa: PLC0415
+    from rig.verbs.certificate.result import Asked, make  # noqa: PLC0415
 
     later = tuple(confirmed_by or ())
     people = (calibrated_by, approved_by)
@@ -188,7 +188,7 @@ def _room(given: Sequence[str] | None) -> dict[str, tuple[float, float]]:
 
 def _date(text: str) -> date:
     if not text:
-        from drivers.clock import RealClock  # noqa: PLC0415
+        from rig.drivers.clock import RealClock  # noqa: PLC0415
 
         return datetime.fromtimestamp(RealClock().utc(), UTC).date()
     try:
@@ -221,9 +221,9 @@ def _print_equipment(
     path: Path, asset: str, quantity: str, values: tuple[str | None, str | None], at: str, authority: Path | None
 ) -> int:
     """Print an entry for equipment.toml from a digital calibration certificate."""
-    from rig.certificate.seal import hash_of  # noqa: PLC0415
     from rig.dcc.reader import read_dcc  # noqa: PLC0415
     from rig.register.from_dcc import Wanted, choose, equipment_text  # noqa: PLC0415
+    from rig.verbs.certificate.seal import hash_of  # noqa: PLC0415
 
     means = choose(values)
     if not quantity:
@@ -276,9 +276,9 @@ def _signatures(path: Path, found: Read, authority: Path | None) -> tuple[Signed
     """Signatures of a digital certificate, verified; () if it has none."""
     if not found.signatures:
         return ()
-    from drivers.clock import RealClock  # noqa: PLC0415
     from rig.dcc.reader import bytes_of  # noqa: PLC0415
     from rig.dcc.signature import signatures  # noqa: PLC0415
+    from rig.drivers.clock import RealClock  # noqa: PLC0415
 
     return signatures(bytes_of(path), datetime.fromtimestamp(RealClock().utc(), UTC), authority)
 

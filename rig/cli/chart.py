@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
-from rig.atomic import check_files, check_format
 from rig.cli import app
 from rig.cli.options import JsonOption
 from rig.cli.show import show_result, write_report
 from rig.errors import ExitCode
+from rig.files.atomic import check_files, check_format
 
 
 @app.command()
@@ -67,8 +67,8 @@ def chart(
 
     Example: `rig chart runs/2026*.sqlite --tolerance 5e-4 --usage 30 --report chart.html`
     """
-    from rig.closed_loop.chart_inputs import path_of  # noqa: PLC0415
-    from rig.results.charts import chart as chart_files  # noqa: PLC0415
+    from rig.verbs.chart.inputs import path_of  # noqa: PLC0415
+    from rig.verbs.chart.result import chart as chart_files  # noqa: PLC0415
 
     check_files([report], [path_of(source) for source in calibrations])
     check_format(report, ".html", ".htm")

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from procedures.kinds import kind_of
-from rig.atomic import check_files, write_whole_bytes
 from rig.cli.progress import run_progress
 from rig.cli.show import err, out, print_json
 from rig.errors import ConfigurationError, UsageError
-from rig.plans import Plan, load_plan
-from rig.present.terminal import show
+from rig.files.atomic import check_files, write_whole_bytes
+from rig.procedures.kinds import kind_of
+from rig.procedures.present.terminal import show
+from rig.runs.plans import Plan, load_plan
 
 
 def compare_files(
@@ -24,7 +24,7 @@ def compare_files(
     Raises:
         ConfigurationError: one of the files is wrong.
     """
-    from rig.forecast import rehearse  # noqa: PLC0415
+    from rig.runs.forecast import rehearse  # noqa: PLC0415
 
     check_files([plot], [bench, *files])
     plans, hours = {path: _load(path, bench) for path in files}, []

@@ -10,10 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from procedures.kind import Kind
-from procedures.results import Options
-from procedures.shell import shell_word
-from rig.atomic import check_files, check_format, write_whole
+from rig.bench.config import parse_toml, read_text
 from rig.cli import app
 from rig.cli.confirm_show import listed, show, show_open, show_proposals
 from rig.cli.kind_options import with_options_of_kinds
@@ -21,21 +18,24 @@ from rig.cli.options import JsonOption, RunArgument
 from rig.cli.progress import run_progress
 from rig.cli.run import conclude, signals
 from rig.cli.show import err, headline, print_json
-from rig.config import parse_toml, read_text
-from rig.controller import start_run
 from rig.engine.session import Outcome
 from rig.errors import ExitCode, UsageError
+from rig.files.atomic import check_files, check_format, write_whole
 from rig.options import chosen as chosen_kind
+from rig.procedures.evaluate.results import Options
+from rig.procedures.kind import Kind
+from rig.procedures.present.shell import shell_word
+from rig.runs.controller import start_run
 
 MOST_RUNS = 3
 """Number of further runs in one command, at most."""
 
 if TYPE_CHECKING:
-    from procedures.further_runs import Variation
-    from rig.closed_loop.confirm.answers import Confirmed
-    from rig.closed_loop.confirm.first import First
-    from rig.closed_loop.confirm.proposal import Proposal
-    from rig.plans import Plan
+    from rig.procedures.plan.further_runs import Variation
+    from rig.runs.plans import Plan
+    from rig.verbs.confirm.answers import Confirmed
+    from rig.verbs.confirm.first import First
+    from rig.verbs.confirm.proposal import Proposal
 
 
 def _options(kind: Kind) -> type[Options]:
@@ -91,9 +91,9 @@ def confirm(
 
     Examples: `rig confirm RUN --dry --runs 3`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
     """
-    from rig.closed_loop.confirm.answers import following, judge  # noqa: PLC0415
-    from rig.closed_loop.confirm.first import check_way  # noqa: PLC0415
-    from rig.closed_loop.confirm.plans import plan_for  # noqa: PLC0415
+    from rig.verbs.confirm.answers import following, judge  # noqa: PLC0415
+    from rig.verbs.confirm.first import check_way  # noqa: PLC0415
+    from rig.verbs.confirm.plans import plan_for  # noqa: PLC0415
 
     made = list(by or after or ())
     check_files(
@@ -156,8 +156,8 @@ def confirm(
 
 def _opened(run_file: Path, given: Mapping[str, Any]) -> First:
     """The run, traced with the options of its kind."""
-    from rig.closed_loop.confirm.first import check_run_file, open_traced  # noqa: PLC0415
     from rig.tables import FileSource  # noqa: PLC0415
+    from rig.verbs.confirm.first import check_run_file, open_traced  # noqa: PLC0415
 
     check_run_file(run_file)
     _, options = chosen_kind(FileSource(run_file), given, _options)
@@ -194,7 +194,7 @@ def _check_options(
 
 def _write_procedure(write: Path, run_file: Path, run: Variation) -> None:
     """The procedure file of a further run, with what a person has to do as comments."""
-    from rig.closed_loop.confirm.plans import procedure_text  # noqa: PLC0415
+    from rig.verbs.confirm.plans import procedure_text  # noqa: PLC0415
 
     lines = f"# {run.what}: to confirm the effects found in {run_file.name}\n"
     lines += "# Turn the package first.\n" if run.turned else ""
@@ -221,7 +221,7 @@ def _chosen(
     first: First, asked: First, take: int, *, every: bool, as_json: bool
 ) -> tuple[Proposal | None, dict[str, Any]]:
     """The run to make, None if there is none; and all of them for `--json`."""
-    from rig.closed_loop.confirm.proposals import consider, inseparable, propose, unlikely  # noqa: PLC0415
+    from rig.verbs.confirm.proposals import consider, inseparable, propose, unlikely  # noqa: PLC0415
 
     considered = consider(asked)
     proposals, never = propose(considered), inseparable(asked, considered)
@@ -249,7 +249,7 @@ def _chosen(
 
 def _end(told: Confirmed, about: Mapping[str, Any], report: Path | None, *, dry: bool, as_json: bool) -> int:
     """Show the last verdict, and how to go on if something is open."""
-    from rig.closed_loop.confirm.answers import following  # noqa: PLC0415
+    from rig.verbs.confirm.answers import following  # noqa: PLC0415
 
     code = show(told, about, report, as_json=as_json)
     if following(told) is not None:

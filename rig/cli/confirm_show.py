@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from rich.table import Table
 
-from procedures.durations import duration
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode
+from rig.procedures.present.durations import duration
 
 if TYPE_CHECKING:
-    from fitter.confirm import Confirmation
-    from rig.closed_loop.confirm.answers import Confirmed
-    from rig.closed_loop.confirm.first import First
-    from rig.closed_loop.confirm.proposal import Proposal
-    from rig.closed_loop.confirm.proposals import Inseparable
+    from rig.fitter.confirm import Confirmation
+    from rig.verbs.confirm.answers import Confirmed
+    from rig.verbs.confirm.first import First
+    from rig.verbs.confirm.proposal import Proposal
+    from rig.verbs.confirm.proposals import Inseparable
 
 SHOWN = 5
 """Number of proposals shown by default."""
@@ -61,8 +61,8 @@ def show_proposals(
     first: First, proposals: Sequence[Proposal], never: Sequence[Inseparable], take: int, *, every: bool
 ) -> None:
     """Possible runs, the best first, and what the taken one may leave open."""
-    from rig.closed_loop.confirm.proposal import SURE  # noqa: PLC0415
-    from rig.closed_loop.confirm.proposals import otherwise  # noqa: PLC0415
+    from rig.verbs.confirm.proposal import SURE  # noqa: PLC0415
+    from rig.verbs.confirm.proposals import otherwise  # noqa: PLC0415
 
     shown = proposals if every else proposals[: max(take, SHOWN)]
     width = len(str(len(shown)))
@@ -87,7 +87,7 @@ def show_proposals(
 
 
 def _weakest(chance: float, sigmas: float) -> str:
-    from rig.closed_loop.confirm.proposal import SURE  # noqa: PLC0415
+    from rig.verbs.confirm.proposal import SURE  # noqa: PLC0415
 
     text = f"{sigmas:.1f} ({chance:.0%})" if sigmas < 100 else f"{sigmas:.0f} ({chance:.0%})"
     return f"[green]{text}[/]" if chance >= SURE else text
@@ -95,7 +95,7 @@ def _weakest(chance: float, sigmas: float) -> str:
 
 def show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *, as_json: bool) -> int:
     """Verdicts, errors and sentences, and the report; returns the exit code."""
-    from rig.closed_loop.confirm.answers import sentences  # noqa: PLC0415
+    from rig.verbs.confirm.answers import sentences  # noqa: PLC0415
 
     code = ExitCode.DONE if confirmed.settled else ExitCode.OUTSIDE_ACCEPTANCE
     if as_json:
@@ -126,7 +126,7 @@ def show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *
 
 def show_answer(answer: Confirmation) -> None:
     """A verdict, and every cause with its evidence and size."""
-    from rig.closed_loop.confirm.answers import chance, sizes  # noqa: PLC0415
+    from rig.verbs.confirm.answers import chance, sizes  # noqa: PLC0415
 
     out.print(f"\n[bold]{escape(answer.effect)}[/]: [bold]{answer.verdict}[/]")
     for member in answer.members:
@@ -151,7 +151,7 @@ def show_answer(answer: Confirmation) -> None:
 def _write_report(confirmed: Confirmed, report: Path | None) -> None:
     if report is None:
         return
-    from rig.report.confirm import write_confirm_report  # noqa: PLC0415
+    from rig.verbs.confirm.page import write_confirm_report  # noqa: PLC0415
 
     write_confirm_report(report, confirmed)
     err.print(f"report: {escape(str(report))}", soft_wrap=True)

@@ -9,16 +9,13 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from procedures.shell import shell_word
-from rig.certificate.numbers_issued import numbers_issued
-from rig.certificate.settings import read_settings
+from rig.bench.typed import typed_columns
 from rig.cli import app
 from rig.cli.options import OperatorOption, RunArgument
 from rig.cli.show import err
 from rig.errors import ExitCode, UsageError
-from rig.plans import stored_plan
-from rig.regular import read_regular_text
-from rig.results.certificate import SETTINGS
+from rig.files.regular import read_regular_text
+from rig.procedures.present.shell import shell_word
 from rig.run_file.chain import Record, encode
 from rig.run_file.corrections import correction
 from rig.run_file.events.event import EMPTY
@@ -26,7 +23,10 @@ from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.run_file.writer import RunWriter
-from rig.typed import typed_columns
+from rig.runs.plans import stored_plan
+from rig.verbs.certificate.numbers_issued import numbers_issued
+from rig.verbs.certificate.result import SETTINGS
+from rig.verbs.certificate.settings import read_settings
 from rig.who import operator
 
 _LONGEST = 500
@@ -67,7 +67,7 @@ def correct(
         raise UsageError(f"--why: a reason has 1 to {_LONGEST} printable characters")
     if not run_file.is_file():
         raise UsageError(f"there is no run file {run_file}")
-    from drivers.clock import RealClock  # noqa: PLC0415
+    from rig.drivers.clock import RealClock  # noqa: PLC0415
 
     if controller_alive(run_file):
         raise UsageError(

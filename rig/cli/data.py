@@ -8,10 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from procedures.kind import Kind
-from procedures.results import Traced
-from procedures.shell import shell_word
-from rig.atomic import check_files, check_format
 from rig.cli import app
 from rig.cli.budget_options import EquipmentOption
 from rig.cli.kind_options import with_options_of_kinds
@@ -19,7 +15,11 @@ from rig.cli.options import JsonOption
 from rig.cli.show import err, out, print_json, show_notes, show_result, write_report
 from rig.cli.table_options import DecimalOption, EncodingOption, HeaderOption, SeparatorOption
 from rig.errors import ExitCode
-from rig.present.terminal import show
+from rig.files.atomic import check_files, check_format
+from rig.procedures.evaluate.results import Traced
+from rig.procedures.kind import Kind
+from rig.procedures.present.shell import shell_word
+from rig.procedures.present.terminal import show
 
 if TYPE_CHECKING:
     from rig.tables import FileSource
@@ -68,8 +68,8 @@ def fit(
     Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit RUN --traced --temperature --out package.json`,
     `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
     """
-    from rig.results.data import fit_source  # noqa: PLC0415
     from rig.tables import Asked, FileSource  # noqa: PLC0415
+    from rig.verbs.data.result import fit_source  # noqa: PLC0415
 
     check_files([out_file, report], [data, *(confirmed_by or ()), *filter(None, (equipment,))])
     check_format(out_file, ".json")
@@ -106,8 +106,8 @@ def trace(
     Examples: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`, `rig trace table.csv --response y
     --formula "1 + x" --group batch --time t_s`
     """
-    from rig.results.data import trace_source  # noqa: PLC0415
     from rig.tables import Asked, FileSource  # noqa: PLC0415
+    from rig.verbs.data.result import trace_source  # noqa: PLC0415
 
     check_files([report], [data])
     check_format(report, ".html", ".htm")
@@ -126,7 +126,7 @@ def trace(
 
 def _seen(source: FileSource, command: str, given: dict[str, Any], *, as_json: bool) -> bool:
     """Say what is in a table that nobody has described; False for any other."""
-    from rig.results.seen import look_at  # noqa: PLC0415
+    from rig.verbs.data.unknown_table import look_at  # noqa: PLC0415
 
     found = look_at(source, command, {name: value for name, value in given.items() if value is not None})
     if found is None:

@@ -18,10 +18,10 @@ from rig.cli.options import JsonOption
 from rig.cli.progress import run_progress
 from rig.cli.run import conclude
 from rig.cli.show import err, out, print_json
-from rig.controller import resume_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ExitCode, RigError
-from rig.present import terminal
+from rig.procedures.present import terminal
+from rig.runs.controller import resume_run
 
 
 class Lab(StrEnum):
@@ -83,10 +83,10 @@ def demo(
 
     Example: `rig demo pressure`
     """
-    from rig.closed_loop import trace_table  # noqa: PLC0415
+    from rig.by_kind import trace_table  # noqa: PLC0415
     from rig.examples import example  # noqa: PLC0415
-    from rig.report import write_page  # noqa: PLC0415
     from rig.tables import run_table  # noqa: PLC0415
+    from rig.verbs.write_page import write_page  # noqa: PLC0415
 
     night = _NIGHTS[lab]
     folder = example(night.folder)

@@ -12,10 +12,10 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from rig.atomic import check_ending, check_files
 from rig.cli import app
 from rig.cli.show import err, headline
 from rig.errors import ExitCode
+from rig.files.atomic import check_ending, check_files
 
 
 @app.command()

@@ -39,7 +39,7 @@ def infer(
 
     Example: `rig infer calibration.json readings.csv --out inferred.csv`
     """
-    from rig.results.inferred import infer as infer_readings  # noqa: PLC0415
+    from rig.verbs.infer.result import infer as infer_readings  # noqa: PLC0415
 
     how: dict[str, Any] = {"separator": separator, "decimal": decimal, "encoding": encoding, "header": header}
     found = infer_readings(calibration, data, out=out_file, same_meter=same_meter, **how, **given)

@@ -9,9 +9,9 @@ from typing import Annotated, Any, TypeVar
 import typer
 from pydantic.fields import FieldInfo
 
-from procedures.kind import Kind
-from procedures.kinds import kinds
 from rig.options import Choose
+from rig.procedures.kind import Kind
+from rig.procedures.kinds import kinds
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 

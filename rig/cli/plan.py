@@ -58,7 +58,7 @@ def plan(
 
         compare_files([procedure, *compare], bench, usage, plot, as_json=as_json)
         return ExitCode.DONE
-    from rig.results.planned import plan as plan_run  # noqa: PLC0415
+    from rig.verbs.plan.result import plan as plan_run  # noqa: PLC0415
 
     with run_progress(simulated=True) as progress:
         planned = plan_run(procedure, bench, out=out_dir, usage=usage, world=world, on_progress=progress)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
-from drivers.clock import RealClock
-from procedures.durations import duration
 from rig.cli.show import err, mark
-from rig.present.visible import visible
+from rig.drivers.clock import RealClock
+from rig.procedures.present.durations import duration
+from rig.procedures.present.visible import visible
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -9,11 +9,11 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from procedures.shell import shell_word
 from rig.cli import app
 from rig.cli.options import OperatorOption, RunArgument
 from rig.cli.show import err
 from rig.errors import ExitCode, RigError, UsageError
+from rig.procedures.present.shell import shell_word
 from rig.run_file.live import asked_by_hand, controller_alive, live_path, read_json, send_request
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
@@ -23,7 +23,7 @@ from rig.who import operator
 def _ask(run_file: Path, verb: str, **more: Any) -> int:
     if not run_file.is_file():
         raise UsageError(f"there is no run file {run_file}")
-    from drivers.clock import RealClock  # noqa: PLC0415
+    from rig.drivers.clock import RealClock  # noqa: PLC0415
 
     clock = RealClock()
     give_up = clock.now() + 30.0

@@ -15,10 +15,6 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from procedures.durations import duration
-from procedures.shell import shell_word
-from rig.accepted import Acceptance
-from rig.atomic import check_added_to
 from rig.cli import app
 from rig.cli.options import BenchOption, OperatorOption, ProcedureArgument, RunArgument
 from rig.cli.progress import run_progress
@@ -35,16 +31,20 @@ from rig.cli.unattended import (
     listening,
     remarks,
 )
-from rig.controller import Result, resume_run, start_run
 from rig.engine.early_warning import warnings_in
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import ExitCode, RigError
-from rig.plans import load_plan
-from rig.present.terminal import show
-from rig.present.visible import visible
+from rig.files.atomic import check_added_to
+from rig.procedures.present.durations import duration
+from rig.procedures.present.shell import shell_word
+from rig.procedures.present.terminal import show
+from rig.procedures.present.visible import visible
 from rig.run_file.events.points import OVERSHOT, Observed
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, is_simulated, read_state
+from rig.runs.accepted import Acceptance
+from rig.runs.controller import Result, resume_run, start_run
+from rig.runs.plans import load_plan
 from rig.unattended import Listeners, RunFacts, ServiceManager
 from rig.who import operator
 

@@ -43,12 +43,12 @@ def seal(
     Examples: `rig seal runs/20260115T180000-night-1a2b.sqlite --key lab.pem --certificate K-2026-0147.pdf`, `rig seal
     RUN --statement RUN.statement`, then `rig seal RUN --time-stamp RUN.tsr`
     """
-    from drivers.clock import RealClock  # noqa: PLC0415
-    from rig.atomic import check_files, write_whole_bytes  # noqa: PLC0415
-    from rig.certificate.seal import Sealed, beside, hash_of, stamp, statement_to_stamp  # noqa: PLC0415
-    from rig.certificate.seal import seal as sealed_by  # noqa: PLC0415
+    from rig.drivers.clock import RealClock  # noqa: PLC0415
+    from rig.files.atomic import check_files, write_whole_bytes  # noqa: PLC0415
     from rig.run_file.reader import RunReader  # noqa: PLC0415
     from rig.run_file.verification import verify_file  # noqa: PLC0415
+    from rig.verbs.certificate.seal import Sealed, beside, hash_of, stamp, statement_to_stamp  # noqa: PLC0415
+    from rig.verbs.certificate.seal import seal as sealed_by  # noqa: PLC0415
     from rig.who import operator  # noqa: PLC0415
 
     if sum(one is not None for one in (key, statement, time_stamp)) != 1:

@@ -11,14 +11,14 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from procedures.shell import shell_word
-from rig.atomic import write_whole
+from rig.bench.config import parse_bench, read_text
 from rig.cli import app
 from rig.cli.options import RunArgument
 from rig.cli.show import err
 from rig.cli.unattended import facts_of
-from rig.config import parse_bench, read_text
 from rig.errors import ExitCode, RigError, UsageError
+from rig.files.atomic import write_whole
+from rig.procedures.present.shell import shell_word
 from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader

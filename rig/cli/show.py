@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, TextIO, cast
 from rich.console import Console
 from rich.markup import escape
 
-from procedures.blocks import headline as headline_of
-from procedures.blocks import simulated_mark
-from rig.present.as_json import finite
-from rig.present.terminal import show
-from rig.present.visible import visible
+from rig.procedures.present.as_json import finite
+from rig.procedures.present.blocks import headline as headline_of
+from rig.procedures.present.blocks import simulated_mark
+from rig.procedures.present.terminal import show
+from rig.procedures.present.visible import visible
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from rich.text import Text
 
-    from procedures.table import Table
-    from rig.results.result import Reported, Result
+    from rig.procedures.tables.table import Table
+    from rig.verbs.result import Reported, Result
 
 
 class _Console(Console):

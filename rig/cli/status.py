@@ -1,4 +1,4 @@
-"""The command `rig status`. Lines on a run: `Status.blocks` in `rig/results/status.py`. The list of a folder: here."""
+"""The command `rig status`: lines on a run (`Status.blocks` in `rig/verbs/run/status.py`), or the list of a folder."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from procedures.durations import duration
-from procedures.shell import shell_word
 from rig.cli import app
 from rig.cli.options import JsonOption
 from rig.cli.show import err, out, print_json
 from rig.errors import ExitCode, RigError, UsageError
-from rig.present.terminal import show
-from rig.regular import real_path
-from rig.results.status import status_of
+from rig.files.regular import real_path
+from rig.procedures.present.durations import duration
+from rig.procedures.present.shell import shell_word
+from rig.procedures.present.terminal import show
 from rig.run_file.events.sessions import RunCreated
 from rig.run_file.live import controller_alive, read_live
 from rig.run_file.opening import sensible
 from rig.run_file.state import RunState
 from rig.run_file.verification import CUT_SHORT, glance
+from rig.verbs.run.status import status_of
 
 
 @app.command()

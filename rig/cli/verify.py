@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from procedures.shell import shell_word
 from rig.cli import app
 from rig.cli.options import JsonOption, RunArgument
 from rig.cli.show import mark, out, print_json
 from rig.errors import ExitCode, RunFileError, UsageError
+from rig.procedures.present.shell import shell_word
 from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.proven import Other
 from rig.run_file.reader import RunReader
@@ -23,7 +23,7 @@ from rig.run_file.state import RunState, read_state
 from rig.run_file.verification import Verification, restored, verify_file
 
 if TYPE_CHECKING:
-    from rig.certificate.seal import Checked
+    from rig.verbs.certificate.seal import Checked
 
 
 @app.command()
@@ -85,7 +85,7 @@ def verify(
 
 def _seals(run_file: Path, authority: Path | None, keys: list[Path]) -> tuple[Checked, ...]:
     """The seals beside a run file, checked."""
-    from rig.certificate.seal import checked, stored  # noqa: PLC0415 - few files have any
+    from rig.verbs.certificate.seal import checked, stored  # noqa: PLC0415 - few files have any
 
     if not stored(run_file):
         return ()

@@ -37,7 +37,7 @@ def watch(
         raise UsageError(f"--token: {len(token)} characters are too easily guessed; {_SHORTEST} at least, or leave it")
     if token is not None and not (token.isascii() and token.isprintable()):
         raise UsageError("--token: it becomes part of an address and a header: plain ASCII characters only")
-    from drivers.clock import RealClock  # noqa: PLC0415
+    from rig.drivers.clock import RealClock  # noqa: PLC0415
     from rig.watch.server import serve  # noqa: PLC0415 - the web server is slow to import
 
     clock = RealClock()

@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 
 from rig.dcc.si_units import plain_unit
 from rig.errors import UsageError
-from rig.regular import open_regular
+from rig.files.regular import open_regular
 
 _MOST = 64 << 20
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from decimal import Decimal
 from math import pi
 
-from procedures.column_names import spelled, split_unit
 from rig.errors import UsageError
+from rig.procedures.column_names import spelled, split_unit
 
 _PREFIXES = {
     "Y": "yotta", "Z": "zetta", "E": "exa", "P": "peta", "T": "tera", "G": "giga", "M": "mega", "k": "kilo",

@@ -1,7 +1,7 @@
 """Actions of the sequencer on a bench: home, go, settle, measure, soak, prepare the environment, park.
 
 Each action sends a command and then polls. Every wait goes through `wait`, so the sequencer can look for signals and
-requests. Every action may raise `drivers.errors.DriverError`; further errors are listed at each method.
+requests. Every action may raise `rig.drivers.errors.DriverError`; further errors are listed at each method.
 """
 
 from __future__ import annotations
@@ -9,19 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from drivers.clock import Clock
-from drivers.errors import BadReply, NoReply
-from drivers.roles import Learning, Remarking, Restartable, SelfChecking, is_overload
-from procedures.column_names import spelled, unit_of
-from procedures.conduct import EnvironmentSettings
-from procedures.run_list import Factor, Settle
-from rig.bench import Bench
+from rig.drivers.clock import Clock
+from rig.drivers.errors import BadReply, NoReply
+from rig.drivers.roles import Learning, Remarking, Restartable, SelfChecking, is_overload
 from rig.engine.axes import Axes, AxisReading
 from rig.engine.fault_classes import NotHomed, NotSettled, OverloadedError, TemperaturesNotSettled
 from rig.engine.guard import Guard
 from rig.engine.measuring import Observation, assemble, spans_of, standards
 from rig.engine.motion import Arrival, Leg, Move, arrived, delay_of_step
 from rig.engine.settling import Criteria, Settling
+from rig.instruments.opening import Bench
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.plan.conduct import EnvironmentSettings
+from rig.procedures.plan.run_list import Factor, Settle
 
 _HOMING_TIMEOUT_S = 900.0
 _INTERLOCK_S = 60.0

@@ -11,10 +11,7 @@ from dataclasses import replace
 from statistics import median
 from typing import Any
 
-from procedures.column_names import spelled, unit_of
-from procedures.conduct import Conduct
-from procedures.run_list import Point, RunList
-from rig.bench import Bench
+from rig.bench.scatter import most_scatter, noisiest, without_limit
 from rig.engine.actions import BenchActions
 from rig.engine.by_hand import ByHand
 from rig.engine.early_warning import EarlyWarnings
@@ -40,13 +37,16 @@ from rig.engine.soaking import Soaking
 from rig.engine.standing import commanded
 from rig.engine.steering import Steering, overshot
 from rig.engine.wellness import Wellness
+from rig.instruments.opening import Bench
 from rig.lost_digits import LostDigits, lost_digit
-from rig.own_scatter import KEPT, OwnScatter
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.plan.conduct import Conduct
+from rig.procedures.plan.run_list import Point, RunList
 from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import ACCEPTED, CONTRADICTORY, REJECTED, Observed, readings_of
 from rig.run_file.events.sessions import Held
-from rig.scatter import most_scatter, noisiest, without_limit
+from rig.run_file.own_scatter import KEPT, OwnScatter
 
 _MOVE_TIMEOUT_S = 600.0
 _STRAY_SDS = 6.0

@@ -9,16 +9,16 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
-from drivers.errors import DriverError, InstrumentError, NotReady
-from drivers.roles import AxisState, Chamber, Head, Instrument, PressureController, Referenced, Source
-from procedures.column_names import stem_of, unit_of
-from procedures.run_list import Factor, RunList
-from rig.approach import Approach
-from rig.bench import Bench
+from rig.bench.approach import Approach
+from rig.bench.quantities import PRESSURE_UNIT, TEMPERATURE_UNIT
+from rig.drivers.errors import DriverError, InstrumentError, NotReady
+from rig.drivers.roles import AxisState, Chamber, Head, Instrument, PressureController, Referenced, Source
 from rig.engine.fault_classes import DriveFault, NotHomed, SupplyFailure
 from rig.engine.held import held_factors, of_head
 from rig.errors import ConfigurationError
-from rig.quantities import PRESSURE_UNIT, TEMPERATURE_UNIT
+from rig.instruments.opening import Bench
+from rig.procedures.column_names import stem_of, unit_of
+from rig.procedures.plan.run_list import Factor, RunList
 
 CHAMBER_MARGIN_DEGC = 2.0
 """Difference by which a chamber may pass a limit, which overshoots a setpoint at it before it settles."""

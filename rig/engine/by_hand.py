@@ -10,16 +10,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from drivers.clock import Clock
-from procedures.by_hand import HandStep, next_step
-from procedures.run_list import Point, RunList
-from procedures.shell import shell_word
+from rig.drivers.clock import Clock
 from rig.engine.journal import Journal
 from rig.engine.read_by_hand import ReadByHand as Readings
 from rig.engine.read_by_hand import ToRead
 from rig.engine.set_by_hand import SetByHand as Settings
 from rig.engine.set_by_hand import ToSet
-from rig.person import Person
+from rig.instruments.person import Person
+from rig.procedures.plan.by_hand import HandStep, next_step
+from rig.procedures.plan.run_list import Point, RunList
+from rig.procedures.present.shell import shell_word
 from rig.run_file.events.by_hand import AskedByHand, AskedToRead, AskedToSet, DoneByHand, ReadByHand, SetByHand
 from rig.run_file.live import Request, done_command
 

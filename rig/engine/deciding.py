@@ -10,14 +10,14 @@ import contextlib
 from collections.abc import Callable
 from dataclasses import replace
 
-from drivers.clock import Clock
-from drivers.errors import DriverError, NoReply, Unreachable
-from procedures.fault_policies import ABORT, HOLD, SKIP
+from rig.drivers.clock import Clock
+from rig.drivers.errors import DriverError, NoReply, Unreachable
 from rig.engine.actions import BenchActions
 from rig.engine.failure_counts import Decision, Policies
 from rig.engine.fault_classes import FAULTS, TemperatureLeft
 from rig.engine.journal import Journal
 from rig.engine.states import AT_POINT, State
+from rig.procedures.plan.fault_policies import ABORT, HOLD, SKIP
 from rig.run_file.events.bench import Fault, ReadBack, Recovered
 
 LEAVE = "leave"

@@ -19,20 +19,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from procedures.column_names import spelled, unit_of
-from procedures.conduct import Conduct
-from procedures.run_list import Point, RunList
+from rig.bench.quantities import PER_VOLT, per_volt
 from rig.engine.response_statistics import ResponseTest, Row
 from rig.engine.warning_statistics import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.errors import RigError
-from rig.quantities import PER_VOLT, per_volt
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.plan.conduct import Conduct
+from rig.procedures.plan.run_list import Point, RunList
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import EMPTY
 from rig.run_file.reader import RunReader
 
 if TYPE_CHECKING:
-    from procedures.expected import Previous
+    from rig.procedures.plan.expected import Previous
 
 _SETTINGS = 400
 """Approximate maximum number of settings whose first readings are kept for comparison, for runs of any length."""

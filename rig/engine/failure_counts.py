@@ -1,6 +1,6 @@
 """The step of a fault's policy that is due, by counts of failures.
 
-Policies and their defaults are declared in `procedures.fault_policies`; `rig.engine.deciding` carries them out.
+`rig.procedures.plan.fault_policies` declares policies and their defaults; `rig.engine.deciding` carries them out.
 
 Failures are counted by class of fault and by place (a point, or a state without a point), so that a fault at one point
 does not use up the retries of another. The count restarts after success at the place. It also restarts, a few times,
@@ -12,10 +12,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from drivers.errors import DriverError
-from procedures.conduct import Conduct
-from procedures.fault_policies import ABORT, ACCEPT, HOLD, RE_HOME, RE_SOAK, RETRY, SKIP, step_at
+from rig.drivers.errors import DriverError
 from rig.engine.fault_classes import fault_class
+from rig.procedures.plan.conduct import Conduct
+from rig.procedures.plan.fault_policies import ABORT, ACCEPT, HOLD, RE_HOME, RE_SOAK, RETRY, SKIP, step_at
 
 __all__ = ["ABORT", "HOLD", "RETRY", "RE_HOME", "RE_SOAK", "SKIP", "Decision", "Policies"]
 

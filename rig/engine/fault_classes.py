@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from drivers.errors import BadReply, DriverError, InstrumentError, NoReply, NotReady, Unreachable
+from rig.drivers.errors import BadReply, DriverError, InstrumentError, NoReply, NotReady, Unreachable
 from rig.errors import BenchFault
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from drivers.clock import Clock
+from rig.drivers.clock import Clock
 from rig.run_file.state import RunState
 
 LONGEST_S = 366 * 86400.0

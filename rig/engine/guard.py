@@ -1,8 +1,8 @@
 """The guard: limits and interlocks, checked outside the plan.
 
 Both are data (`[limits]` and `[interlocks]` of the bench file). Limits are checked on the whole run list before
-anything moves, at every command (here before it is sent, and again at the driver by `rig.guarded`), and at every
-readback: the value itself, and its rate of change if the bench limits that.
+anything moves, at every command (here before it is sent, and again at the driver by `rig.instruments.guarded`), and at
+every readback: the value itself, and its rate of change if the bench limits that.
 """
 
 from __future__ import annotations
@@ -10,15 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from drivers.roles import ChamberState
-from procedures.column_names import spelled, unit_of
-from procedures.run_list import RunList
+from rig.bench.protection import InterlockConfig
+from rig.bench.quantities import PRESSURE
+from rig.drivers.roles import ChamberState
 from rig.engine.axes import CHAMBER_MARGIN_DEGC, AxisReading
 from rig.engine.fault_classes import ChamberAlarm, LimitViolation
 from rig.engine.interlocks import Interlocks
 from rig.errors import ConfigurationError
-from rig.protection import InterlockConfig
-from rig.quantities import PRESSURE
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.plan.run_list import RunList
 
 _RATE_MARGIN = 1.25
 """A rate may exceed its limit by this factor: it is the difference of two readings, each with noise and delay."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from drivers.clock import Clock
-from drivers.errors import DriverError
-from procedures.fault_policies import ABORT, HOLD
+from rig.drivers.clock import Clock
+from rig.drivers.errors import DriverError
 from rig.engine.actions import BenchActions
 from rig.engine.by_hand import ByHand
 from rig.engine.deciding import Deciding
@@ -14,6 +13,7 @@ from rig.engine.fault_classes import InterlockHold
 from rig.engine.interruptions import Interruptions
 from rig.engine.journal import Journal
 from rig.engine.states import State
+from rig.procedures.plan.fault_policies import ABORT, HOLD
 from rig.run_file.events.sessions import Released
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from drivers.clock import Clock
+from rig.drivers.clock import Clock
 
 HOLE_S = 10.0
 """Permitted time between two readings of the clock, besides announced waits, seconds: a slow disk, a busy machine."""
@@ -47,7 +47,7 @@ class HoleInTime(Exception):
 
 
 class WatchedClock:
-    """A clock that detects holes: every use of it is a sign of life. It satisfies `drivers.clock.Clock`.
+    """A clock that detects holes: every use of it is a sign of life. It satisfies `rig.drivers.clock.Clock`.
 
     Args:
         clock: the clock it reads.

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from procedures.shell import shell_word
 from rig.engine.journal import Journal
 from rig.errors import BenchFault
+from rig.procedures.present.shell import shell_word
 from rig.run_file.events.sessions import Identified
 
 _WHO = ("maker", "model", "serial", "asset")

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
-from drivers.roles import ChamberState, is_overload
+from rig.bench.protection import InterlockConfig
+from rig.drivers.roles import ChamberState, is_overload
 from rig.engine.fault_classes import InterlockHold, LimitViolation
-from rig.protection import InterlockConfig
 
 
 class Interlocks:

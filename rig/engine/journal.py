@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from drivers.clock import Clock
-from procedures.run_list import Point
+from rig.drivers.clock import Clock
 from rig.engine.measuring import Observation
 from rig.engine.motion import Leg
 from rig.engine.pace import Pace
@@ -15,6 +14,7 @@ from rig.engine.session import Progress, Session
 from rig.engine.settling import Settling
 from rig.engine.states import State
 from rig.engine.time_left import LAST_POINTS, LastPoints, by_hand_s, spent_s
+from rig.procedures.plan.run_list import Point
 from rig.run_file.chain import Record, encode
 from rig.run_file.events.bench import Fault
 from rig.run_file.events.event import Event

@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from procedures.run_list import Point
 from rig.engine.measuring import Observation
+from rig.procedures.plan.run_list import Point
 
 _TOO_STILL = 3e-3
 """Probability below which equal readings on several channels are not accepted as chance."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from drivers.roles import OneAfterAnother, Reader, any_overload, is_overload, plays
+from rig.drivers.roles import OneAfterAnother, Reader, any_overload, is_overload, plays
 
 
 class Channel:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
-from procedures.run_list import Factor, Point
+from rig.procedures.plan.run_list import Factor, Point
 
 Leg = dict[str, float]
 """Targets by axis; all axes of a leg start together, and a leg ends when none moves."""

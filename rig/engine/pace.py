@@ -17,11 +17,11 @@ from math import exp, inf, log
 
 import numpy as np
 
-from procedures.column_names import unit_of
-from procedures.conduct import Conduct, SoakSettings
-from procedures.run_list import RunList
-from rig.config import FOLLOWS_S, BenchConfig
-from rig.quantities import TEMPERATURE_UNIT
+from rig.bench.config import FOLLOWS_S, BenchConfig
+from rig.bench.quantities import TEMPERATURE_UNIT
+from rig.procedures.column_names import unit_of
+from rig.procedures.plan.conduct import Conduct, SoakSettings
+from rig.procedures.plan.run_list import RunList
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault
 from rig.run_file.events.by_hand import AskedByHand

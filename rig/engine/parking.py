@@ -7,9 +7,8 @@ from __future__ import annotations
 import contextlib
 from typing import Protocol
 
-from drivers.clock import Clock
-from drivers.errors import DriverError
-from rig.bench import Bench
+from rig.drivers.clock import Clock
+from rig.drivers.errors import DriverError
 from rig.engine.actions import BenchActions
 from rig.engine.deciding import LEAVE, Deciding
 from rig.engine.fault_classes import FAULTS, InterlockHold
@@ -17,6 +16,7 @@ from rig.engine.journal import Journal
 from rig.engine.safe_state import make_safe, outputs_on
 from rig.engine.states import State
 from rig.errors import StorageError
+from rig.instruments.opening import Bench
 from rig.run_file.events.bench import MadeSafe
 
 

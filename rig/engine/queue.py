@@ -7,8 +7,8 @@ postponed before it are tried again before it.
 
 from __future__ import annotations
 
-from procedures.by_hand import next_step
-from procedures.run_list import Point, RunList
+from rig.procedures.plan.by_hand import next_step
+from rig.procedures.plan.run_list import Point, RunList
 from rig.run_file.state import RunState
 
 

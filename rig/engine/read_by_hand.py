@@ -10,15 +10,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from statistics import median
 
-from drivers.roles import Typing
-from procedures.column_names import spelled, split_unit
-from procedures.conduct import Conduct
-from procedures.run_list import Point, RunList
-from rig.bench import Bench
+from rig.bench.typed import TypedColumn, typed_columns
+from rig.drivers.roles import Typing
 from rig.engine.journal import Journal
-from rig.own_scatter import KEPT
+from rig.instruments.opening import Bench
+from rig.procedures.column_names import spelled, split_unit
+from rig.procedures.plan.conduct import Conduct
+from rig.procedures.plan.run_list import Point, RunList
 from rig.run_file.events.points import Observed
-from rig.typed import TypedColumn, typed_columns
+from rig.run_file.own_scatter import KEPT
 
 _FAR_RESOLUTIONS, _FAR_OF_RANGE = 5.0, 0.02
 """A reading is far from the others at its setting beyond the larger of these: in resolutions, and as a part of the

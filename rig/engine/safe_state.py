@@ -11,11 +11,11 @@ import contextlib
 from collections.abc import Collection
 from typing import Any
 
-from drivers.clock import Clock
-from drivers.roles import Chamber, Head, Instrument, PressureController, Reader, Source
-from rig.bench import Bench
-from rig.protection import SafetyConfig
-from rig.quantities import PRESSURE
+from rig.bench.protection import SafetyConfig
+from rig.bench.quantities import PRESSURE
+from rig.drivers.clock import Clock
+from rig.drivers.roles import Chamber, Head, Instrument, PressureController, Reader, Source
+from rig.instruments.opening import Bench
 from rig.run_file.events.bench import MadeSafe
 from rig.run_file.events.event import EMPTY
 

@@ -12,12 +12,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from drivers.clock import Clock
-from drivers.errors import DriverError
-from procedures.conduct import Conduct
-from procedures.fault_policies import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP
-from procedures.run_list import RunList
-from rig.bench import Bench, identities
+from rig.drivers.clock import Clock
+from rig.drivers.errors import DriverError
 from rig.engine.actions import BenchActions
 from rig.engine.at_point import AtPoint
 from rig.engine.axes import axes_of, own_limits
@@ -47,6 +43,10 @@ from rig.engine.steered import Steered
 from rig.engine.steering import Steering
 from rig.engine.wellness import Wellness
 from rig.errors import BenchFault, NotSafe, RigError, StorageError
+from rig.instruments.opening import Bench, identities
+from rig.procedures.plan.conduct import Conduct
+from rig.procedures.plan.fault_policies import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP
+from rig.procedures.plan.run_list import RunList
 from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Homed, MadeSafe, Prepared, Preparing, Remark
 from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import Skipped
@@ -56,7 +56,7 @@ from rig.run_file.state import RunState
 from rig.run_file.writer import RunWriter
 
 if TYPE_CHECKING:
-    from procedures.expected import Previous
+    from rig.procedures.plan.expected import Previous
 
 _SLICE_S = 5.0
 """Longest wait without a look for signals and requests, bench seconds."""

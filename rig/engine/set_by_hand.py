@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
 
-from procedures.conduct import Conduct
-from procedures.run_list import Factor, Point, RunList
-from rig.bench import Bench
 from rig.engine.measuring import Channel
+from rig.instruments.opening import Bench
+from rig.procedures.plan.conduct import Conduct
+from rig.procedures.plan.run_list import Factor, Point, RunList
 from rig.run_file.events.by_hand import SetByHand as SetEvent
 
 

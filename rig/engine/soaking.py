@@ -8,10 +8,7 @@ from dataclasses import replace
 from math import inf
 from typing import Any, NoReturn
 
-from drivers.clock import Clock
-from procedures.conduct import Conduct
-from procedures.run_list import Point, RunList
-from rig.bench import Bench
+from rig.drivers.clock import Clock
 from rig.engine.actions import BenchActions
 from rig.engine.axes import AxisReading
 from rig.engine.fault_classes import NotSettled, TemperatureLeft, TemperaturesNotSettled
@@ -21,6 +18,9 @@ from rig.engine.measuring import Channel
 from rig.engine.queue import PointQueue
 from rig.engine.set_by_hand import SetByHand
 from rig.engine.whole_plots import WholePlots, without_power
+from rig.instruments.opening import Bench
+from rig.procedures.plan.conduct import Conduct
+from rig.procedures.plan.run_list import Point, RunList
 from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import Observed, Renewing, TemperaturesLeft, WholePlotBegan, WholePlotLost
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from procedures.conduct import Conduct, EnvironmentSettings
 from rig.engine.journal import Journal
 from rig.engine.queue import PointQueue
 from rig.engine.settling import SETPOINT_STANDS
 from rig.engine.soaking import Soaking
+from rig.procedures.plan.conduct import Conduct, EnvironmentSettings
 
 
 class Standing:

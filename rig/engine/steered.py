@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from procedures.run_list import Factor
-from rig.approach import Approach
+from rig.bench.approach import Approach
 from rig.engine.axes import AxisReading, Mover
+from rig.procedures.plan.run_list import Factor
 
 _SHORT = 0.75
 """Part of what is allowed by which a first setting stays short of its level: no correction is to come from beyond."""

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from procedures.column_names import spelled, unit_of
-from procedures.conduct import Conduct
-from procedures.run_list import Factor, Point
 from rig.engine.actions import BenchActions
 from rig.engine.fault_classes import NotSettled
 from rig.engine.motion import Arrival
 from rig.engine.steered import Steered
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.plan.conduct import Conduct
+from rig.procedures.plan.run_list import Factor, Point
 from rig.run_file.events.points import OVERSHOT
 
 TRIES = 8

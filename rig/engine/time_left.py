@@ -7,11 +7,11 @@ from bisect import bisect_left, insort
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 
-from procedures.by_hand import ALLOWANCE_H
-from procedures.conduct import Conduct
-from procedures.run_list import RunList
-from rig.config import BenchConfig
+from rig.bench.config import BenchConfig
 from rig.engine.pace import Pace
+from rig.procedures.plan.by_hand import ALLOWANCE_H
+from rig.procedures.plan.conduct import Conduct
+from rig.procedures.plan.run_list import RunList
 from rig.run_file.chain import Record
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState

@@ -1,8 +1,9 @@
 """Whether the instruments are as the bench file declares, asked before and after the readings of every point.
 
 A unit or a channel that is changed at a panel changes every reading after it, and no reading tells. So the instruments
-that can tell are asked (`drivers.roles.SelfChecking`). Readings since the last good answer are not used. What readers
-have learned of their instruments is kept in the run file, so that a resumed run decides as if it had never stopped.
+that can tell are asked (`rig.drivers.roles.SelfChecking`). Readings since the last good answer are not used. What
+readers have learned of their instruments is kept in the run file, so that a resumed run decides as if it had never
+stopped.
 """
 
 from __future__ import annotations

@@ -15,15 +15,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.roles import is_overload
-from procedures.conduct import WholePlotConduct
-from procedures.run_list import Point, RunList
-from rig.bench import Bench
+from rig.drivers.roles import is_overload
 from rig.engine.held import held_factors
 from rig.engine.measuring import Channel
 from rig.engine.readback import HANGS_S, Readback
 from rig.engine.settling import SETPOINT_STANDS, Criteria
 from rig.errors import BenchFault
+from rig.instruments.opening import Bench
+from rig.procedures.plan.conduct import WholePlotConduct
+from rig.procedures.plan.run_list import Point, RunList
 
 AMBIENT_DEGC = 23.0
 """Temperature towards which a chamber leaves its setpoint, degrees Celsius: chambers reach both sides of it."""

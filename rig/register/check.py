@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from datetime import date
 
-from procedures.column_names import unit_of
-from rig.config import PLACES, BenchConfig, InstrumentConfig, ReferenceConfig, TemperatureConfig
+from rig.bench.config import PLACES, BenchConfig, InstrumentConfig, ReferenceConfig, TemperatureConfig
+from rig.bench.quantities import TEMPERATURE_UNIT
 from rig.errors import ConfigurationError
-from rig.quantities import TEMPERATURE_UNIT
+from rig.procedures.column_names import unit_of
 from rig.register.schema import Register
 
 Entry = InstrumentConfig | ReferenceConfig | TemperatureConfig

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arithmetic_text import parse_expression
-from fitter.arrays import FloatArray
-from procedures.stated import Computed
 from rig.errors import ConfigurationError
+from rig.fitter.arithmetic_text import parse_expression
+from rig.fitter.arrays import FloatArray
+from rig.procedures.evaluate.stated import Computed
 
 _ITERATIONS, _STEP, _CLOSE = 60, 1e-6, 1e-9
 

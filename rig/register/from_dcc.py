@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
-from procedures.column_names import stem_of, unit_of
 from rig.dcc.reader import Number, Quantity, Read
 from rig.dcc.si_units import ratio
 from rig.errors import UsageError
+from rig.files.toml_text import toml_text
+from rig.procedures.column_names import stem_of, unit_of
 from rig.register.units import factor
-from rig.toml_text import toml_text
 
 _ZERO_CELSIUS_K = 273.15
 _ONE_SIGMA = 0.6827

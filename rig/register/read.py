@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from rig.config import BenchConfig, parse_toml, read_text, validated
+from rig.bench.config import BenchConfig, parse_toml, read_text, validated
 from rig.errors import UsageError
 from rig.register.schema import Register
 

@@ -12,9 +12,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from procedures.column_names import spelled, split_unit, stem_of, unit_of
-from procedures.settings import Name, Strict
-from procedures.stated import BEHAVIOURS, Behaviour, Distribution
+from rig.procedures.column_names import spelled, split_unit, stem_of, unit_of
+from rig.procedures.evaluate.stated import BEHAVIOURS, Behaviour, Distribution
+from rig.procedures.plan.settings import Name, Strict
 from rig.register.units import NOT_CELSIUS, factor, relative
 
 Polynomial = Annotated[tuple[float, ...], Field(min_length=1, max_length=12)]

@@ -11,15 +11,15 @@ from math import inf, sqrt
 import numpy as np
 from scipy import special
 
-from drivers.roles import Head
-from fitter.arrays import FloatArray
-from procedures.column_names import stem_of, unit_of
-from procedures.stated import Behaviour, Curve, Distribution, PlaceConstant, Stated, Statements
-from procedures.table import Columns
-from rig.bench_file import playing
-from rig.config import BenchConfig
+from rig.bench.bench_file import playing
+from rig.bench.config import BenchConfig
+from rig.bench.quantities import HEAD, TEMPERATURE_UNIT, VOLT, scale
+from rig.drivers.roles import Head
 from rig.errors import ConfigurationError
-from rig.quantities import HEAD, TEMPERATURE_UNIT, VOLT, scale
+from rig.fitter.arrays import FloatArray
+from rig.procedures.column_names import stem_of, unit_of
+from rig.procedures.evaluate.stated import Behaviour, Curve, Distribution, PlaceConstant, Stated, Statements
+from rig.procedures.tables.table import Columns
 from rig.register.check import entries
 from rig.register.computed import computed_from
 from rig.register.drift import drifted

@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.by_hand import Made
-from procedures.column_names import spelled, stem_of, unit_of
-from procedures.table import Columns
-from rig.config import ROOM, BenchConfig
+from rig.bench.config import ROOM, BenchConfig
+from rig.bench.quantities import TEMPERATURE_UNIT
 from rig.errors import ConfigurationError
-from rig.quantities import TEMPERATURE_UNIT
+from rig.fitter.arrays import FloatArray
+from rig.procedures.column_names import spelled, stem_of, unit_of
+from rig.procedures.plan.by_hand import Made
+from rig.procedures.tables.table import Columns
 from rig.register.check import entries
 from rig.register.schema import PERCENT, Register
 from rig.register.units import factor

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import pi
 
-from procedures.column_names import spelled
-from rig.quantities import scale
+from rig.bench.quantities import scale
+from rig.procedures.column_names import spelled
 
 _FAMILIES: tuple[Mapping[str, float], ...] = (
     {

@@ -14,8 +14,8 @@ from typing import Protocol
 
 import apsw
 
-from procedures.run_list import RunList
 from rig.errors import RunFileError
+from rig.procedures.plan.run_list import RunList
 from rig.run_file.bodies import COUNT, ContentsError
 from rig.run_file.chain import GENESIS, Record, StoredRow, followed, link
 from rig.run_file.contents import senseless

@@ -19,9 +19,9 @@ from typing import Any
 
 import apsw
 
-from procedures.shell import shell_word
 from rig.errors import RunFileError
-from rig.regular import check_regular, open_regular
+from rig.files.regular import check_regular, open_regular
+from rig.procedures.present.shell import shell_word
 from rig.run_file.chain import followed
 from rig.run_file.saved import saved_words
 from rig.run_file.schema import Guarded

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from rig.bench.typed import TypedColumn
 from rig.errors import UsageError
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
@@ -16,7 +17,6 @@ from rig.run_file.events.corrections import Corrected
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed
 from rig.run_file.reader import RunReader
-from rig.typed import TypedColumn
 
 _Place = tuple[int | None, int | None, str]
 """Point, whole plot and column."""

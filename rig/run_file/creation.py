@@ -11,8 +11,8 @@ from typing import Any
 
 import apsw
 
-from procedures.run_list import RunList
 from rig.errors import RunFileError, StorageError
+from rig.procedures.plan.run_list import RunList
 from rig.run_file.chain import GENESIS, Record, encode, link
 from rig.run_file.events.event import EMPTY
 from rig.run_file.events.sessions import RunCreated

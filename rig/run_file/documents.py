@@ -1,7 +1,7 @@
 """The documents of a run file: typed access to the values that tables and pages need, for files of any version.
 
-Planning a run parses whole documents (`rig.config`). Showing or exporting a run takes only a few values. Anybody may
-have changed these, so each is checked: it has the requested type, or an error names document and field.
+Planning a run parses whole documents (`rig.bench.config`). Showing or exporting a run takes only a few values. Anybody
+may have changed these, so each is checked: it has the requested type, or an error names document and field.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rig.config import parse_toml
+from rig.bench.config import parse_toml
 from rig.errors import ConfigurationError
 from rig.run_file.bodies import NUMBER, TABLE, TEXT, TRUTH, ContentsError, Kind, shown
 

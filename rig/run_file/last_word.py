@@ -13,8 +13,8 @@ import os
 import stat
 from pathlib import Path
 
-from rig.regular import open_regular, real_path
-from rig.temporary import temporary_in
+from rig.files.regular import open_regular, real_path
+from rig.files.temporary import temporary_in
 
 _SIZE = 8 + 32
 

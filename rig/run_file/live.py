@@ -19,10 +19,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from procedures.shell import shell_word
-from rig.regular import real_path
+from rig.files.regular import real_path
+from rig.files.temporary import sweep, temporary_in
+from rig.procedures.present.shell import shell_word
 from rig.run_file.bodies import COUNT, NUMBER
-from rig.temporary import sweep, temporary_in
 
 VERBS = ("hold", "release", "stop", "done")
 

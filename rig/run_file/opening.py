@@ -10,10 +10,10 @@ from pathlib import Path
 
 import apsw
 
-from drivers.clock import RealClock
-from procedures.shell import shell_word
+from rig.drivers.clock import RealClock
 from rig.errors import RunFileError, UsageError
-from rig.regular import open_regular
+from rig.files.regular import open_regular
+from rig.procedures.present.shell import shell_word
 from rig.run_file.beside import Alone, alone, check_journal, has_log
 from rig.run_file.bodies import ContentsError
 from rig.run_file.last_word import head_path

@@ -14,9 +14,9 @@ from typing import Any, Self
 
 import apsw
 
-from procedures.run_list import Factor, Point, RunList, rows_sha256
 from rig.errors import RunFileError, UsageError
-from rig.regular import real_path
+from rig.files.regular import real_path
+from rig.procedures.plan.run_list import Factor, Point, RunList, rows_sha256
 from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, ForeignFileError, check_journal, check_log, foreign_log, has_log
 from rig.run_file.bodies import COUNT, NUMBER, TEXT, WHOLE, ContentsError, shown

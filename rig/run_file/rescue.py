@@ -10,8 +10,8 @@ from pathlib import Path
 
 import apsw
 
-from procedures.shell import shell_word
 from rig.errors import RigError, StorageError
+from rig.procedures.present.shell import shell_word
 from rig.run_file.audit import findings
 from rig.run_file.chain import Record, encode, link
 from rig.run_file.events.sessions import Rescued

@@ -17,9 +17,9 @@ from typing import Any
 
 import apsw
 
-from procedures.run_list import Factor, Point, RunList
-from procedures.shell import shell_word
 from rig.errors import RunFileError, StorageError, UsageError
+from rig.procedures.plan.run_list import Factor, Point, RunList
+from rig.procedures.present.shell import shell_word
 from rig.run_file.audit import findings
 from rig.run_file.bodies import ContentsError
 from rig.run_file.events.sessions import RunCreated

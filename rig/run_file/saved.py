@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
-from procedures.shell import shell_word
+from rig.procedures.present.shell import shell_word
 
 
 def saved_in(path: Path) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from typing import Any
 
 import apsw
 
-from procedures.run_list import RunList
+from rig.procedures.plan.run_list import RunList
 
 Stored = int | float | str | bytes | None
 """What SQLite stores."""

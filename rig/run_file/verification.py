@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from procedures.run_list import RunList
-from rig.config import parse_procedure
+from rig.bench.config import parse_procedure
 from rig.errors import RigError, RunFileError, UsageError
-from rig.regular import real_path
+from rig.files.regular import real_path
+from rig.procedures.plan.run_list import RunList
 from rig.run_file import wal
 from rig.run_file.audit import Finding, findings
 from rig.run_file.beside import ForeignFileError, check_journal

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.regular import open_regular
+from rig.files.regular import open_regular
 
 _HEADER = struct.Struct(">8I")
 _FRAME = struct.Struct(">6I")

@@ -16,9 +16,9 @@ from typing import Self
 
 import apsw
 
-from procedures.shell import shell_word
 from rig.errors import BusyError, RunFileError, StorageError
-from rig.regular import real_path
+from rig.files.regular import real_path
+from rig.procedures.present.shell import shell_word
 from rig.run_file import wal
 from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, check_journal, foreign_log

@@ -7,16 +7,16 @@ from datetime import UTC, date, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from rig.register import DOCUMENT, entries, parse_register
+from rig.sims.bench import world_for
+from rig.sims.world import EPOCH_UTC
 from rig.simulated.dry_run import plain
-from sims.bench import world_for
-from sims.world import EPOCH_UTC
 
 if TYPE_CHECKING:
-    from rig.config import BenchConfig
+    from rig.bench.config import BenchConfig
 
 
 def begins(truth: Mapping[str, Any], config: BenchConfig, register: str | None) -> datetime:
-    """Bench time at which a dry run begins; arguments as those of `dated`. Raises `sims.physics.WorldError`."""
+    """Bench time at which a dry run begins; arguments as those of `dated`. Raises `rig.sims.physics.WorldError`."""
     return datetime.fromtimestamp(world_for(plain(config), dated(truth, config, register)).utc(), UTC)
 
 

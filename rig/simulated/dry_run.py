@@ -8,19 +8,19 @@ from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from drivers.wires import Wires
-from drivers.wires.addresses import messages, simulated
-from rig.contract_files import with_contracts
+from rig.bench.contract_files import with_contracts
+from rig.bench.plugins import driver_class, installed, load
+from rig.drivers.wires import Wires
+from rig.drivers.wires.addresses import messages, simulated
 from rig.engine.holes import WatchedClock
 from rig.errors import ConfigurationError
-from rig.plugins import driver_class, installed, load
+from rig.sims.bench import SimBench, world_for
+from rig.sims.physics import WorldError
 from rig.simulated.person import SimulatedPerson
-from sims.bench import SimBench, world_for
-from sims.physics import WorldError
 
 if TYPE_CHECKING:
-    from rig.config import BenchConfig
-    from sims.twin import MakesTwins
+    from rig.bench.config import BenchConfig
+    from rig.sims.twin import MakesTwins
 
 Tap = Callable[[str, str, bytes], None]
 """Called with (instrument, "tx" or "rx", bytes) for every transfer on every wire."""

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rig.person import SIMULATED
+from rig.instruments.person import SIMULATED
 
 if TYPE_CHECKING:
-    from procedures.by_hand import HandStep
-    from rig.typed import TypedColumn
-    from sims.bench import SimBench
+    from rig.bench.typed import TypedColumn
+    from rig.procedures.plan.by_hand import HandStep
+    from rig.sims.bench import SimBench
 
 
 class SimulatedPerson:
-    """Does steps by hand in the simulated bench; see `rig.person.Person`.
+    """Does steps by hand in the simulated bench; see `rig.instruments.person.Person`.
 
     Args:
         sim: the bench.

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from rig.atomic import check_added_to, check_writable
-from rig.bench_file import check_options
-from rig.config import parse_toml, read_text
-from rig.contract_files import read_bench
+from rig.bench.bench_file import check_options
+from rig.bench.config import parse_toml, read_text
+from rig.bench.contract_files import read_bench
 from rig.errors import ConfigurationError, RigError
+from rig.files.atomic import check_added_to, check_writable
 from rig.register import register_beside
+from rig.sims.physics import WorldError
+from rig.sims.serve import serve
 from rig.simulated.calendar import dated
 from rig.simulated.dry_run import plain, twin_classes
-from sims.physics import WorldError
-from sims.serve import serve
 
 
 def serve_bench(

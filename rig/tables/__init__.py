@@ -6,9 +6,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from procedures.table import Table
 from rig.errors import UsageError
-from rig.regular import open_regular
+from rig.files.regular import open_regular
+from rig.procedures.tables.table import Table
 from rig.tables.csv_files import read_any_csv, read_csv, read_gappy_csv, read_seen_csv, write_csv
 from rig.tables.of_others.asked import NOTHING, Asked
 from rig.tables.sizes import usable
@@ -50,7 +50,7 @@ def read_table(path: Path, asked: Asked = NOTHING) -> Table:
 
 @dataclass(frozen=True)
 class FileSource:
-    """A run file, or a CSV file, read at its first use. See `procedures.results.Source`.
+    """A run file, or a CSV file, read at its first use. See `rig.procedures.evaluate.results.Source`.
 
     Attributes:
         path: the file.

@@ -13,12 +13,12 @@ from typing import IO, Any, BinaryIO
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.kinds import kinds
-from procedures.table import Table
-from rig.atomic import write_whole
 from rig.errors import UsageError
-from rig.regular import open_regular
+from rig.files.atomic import write_whole
+from rig.files.regular import open_regular
+from rig.fitter.arrays import FloatArray
+from rig.procedures.kinds import kinds
+from rig.procedures.tables.table import Table
 from rig.tables.cells_written import cells_of
 from rig.tables.evidence import without_evidence
 from rig.tables.of_others.asked import NOTHING, Asked

@@ -10,8 +10,8 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from procedures.column_names import stem_of, with_word
-from procedures.table import Table
+from rig.procedures.column_names import stem_of, with_word
+from rig.procedures.tables.table import Table
 from rig.run_file.events.points import Observed
 
 COUNT, FLAG = "count", "flag"

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
-from rig.atomic import write_whole
 from rig.errors import UsageError
-from rig.regular import open_regular
+from rig.files.atomic import write_whole
+from rig.files.regular import open_regular
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.reader import RunReader

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from procedures.table import Table
 from rig.errors import UsageError
+from rig.procedures.tables.table import Table
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

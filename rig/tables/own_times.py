@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from procedures.column_names import read_at
+from rig.procedures.column_names import read_at
 from rig.run_file.chain import Record
 from rig.run_file.events.by_hand import ReadByHand
 from rig.run_file.events.points import Observed

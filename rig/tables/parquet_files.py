@@ -8,10 +8,10 @@ from typing import IO, Any
 
 import numpy as np
 
-from procedures.table import Table
-from procedures.unused import unit_of
-from rig.atomic import write_whole_bytes
 from rig.extras import needed
+from rig.files.atomic import write_whole_bytes
+from rig.procedures.tables.table import Table
+from rig.procedures.tables.unused import unit_of
 from rig.tables.evidence import COUNT, FLAG, meaning_of
 
 _BLOCK = 65536

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from procedures.column_names import moves_of, stem_of, with_word
-from procedures.run_list import RunList
-from rig.approach import along
+from rig.bench.approach import along
+from rig.procedures.column_names import moves_of, stem_of, with_word
+from rig.procedures.plan.run_list import RunList
 from rig.run_file.documents import Stored
 
 _DIGITS = 4

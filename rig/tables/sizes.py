@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from procedures.table import Table
 from rig.errors import UsageError
+from rig.procedures.tables.table import Table
 
 LARGEST, SMALLEST = 1e60, 1e-60
 """Sums of fourth powers, as statistics need them, are still doubles, and not zero."""

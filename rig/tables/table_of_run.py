@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from procedures.by_hand import Made
-from procedures.column_names import moves_of, since_of, spelled, split_unit, with_word
-from procedures.run_list import RunList
-from procedures.shell import shell_word
-from procedures.table import CORRECTED, SENSOR_TEMPERATURE, Columns, Table
 from rig.errors import RunFileError
+from rig.procedures.column_names import moves_of, since_of, spelled, split_unit, with_word
+from rig.procedures.plan.by_hand import Made
+from rig.procedures.plan.run_list import RunList
+from rig.procedures.present.shell import shell_word
+from rig.procedures.tables.table import CORRECTED, SENSOR_TEMPERATURE, Columns, Table
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.corrections import Corrections

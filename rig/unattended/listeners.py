@@ -12,11 +12,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from drivers.clock import RealClock
-from procedures.durations import duration
+from rig.drivers.clock import RealClock
 from rig.engine.session import Outcome, Progress
 from rig.engine.states import AT_POINT, State
 from rig.errors import UsageError
+from rig.procedures.present.durations import duration
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import NotNotified

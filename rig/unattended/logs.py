@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
-from rig.regular import real_path
+from rig.files.regular import real_path
 from rig.unattended.happenings import Happening, RunFacts, utc_text
 from rig.unattended.worker import Worker
 

@@ -11,10 +11,10 @@ import socket
 from collections.abc import Mapping
 from pathlib import Path
 
-from drivers.clock import Clock, RealClock
-from procedures.durations import duration
+from rig.drivers.clock import Clock, RealClock
 from rig.engine.session import Progress
 from rig.engine.states import State
+from rig.procedures.present.durations import duration
 from rig.run_file.events.bench import AsFound
 from rig.unattended.happenings import Happening, RunFacts, one_line
 

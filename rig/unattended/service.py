@@ -9,12 +9,12 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.wires.addresses import CanAddress, parse_address
-from drivers.wires.visa_address import VisaAddress
-from rig.bench_file import check_options
-from rig.config import BenchConfig
+from rig.bench.bench_file import check_options
+from rig.bench.config import BenchConfig
+from rig.bench.quantities import ATMOSPHERE_PSIA
+from rig.drivers.wires.addresses import CanAddress, parse_address
+from rig.drivers.wires.visa_address import VisaAddress
 from rig.errors import ExitCode, UsageError
-from rig.quantities import ATMOSPHERE_PSIA
 
 WATCHDOG_S = 900.0
 """Seconds without a sign of life after which the controller counts as hanging. Its longest normal silence is while a

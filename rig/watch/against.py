@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.column_names import stem_of
-from procedures.kinds import kinds
+from rig.fitter.arrays import FloatArray
+from rig.procedures.column_names import stem_of
+from rig.procedures.kinds import kinds
 from rig.watch.reading import Seen
 
 

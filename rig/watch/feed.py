@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from procedures.column_names import spelled, split_unit
-from procedures.expected import Previous
-from procedures.run_list import Factor
 from rig.errors import RigError
-from rig.present.as_json import finite
-from rig.regular import real_path
+from rig.files.regular import real_path
+from rig.procedures.column_names import spelled, split_unit
+from rig.procedures.plan.expected import Previous
+from rig.procedures.plan.run_list import Factor
+from rig.procedures.present.as_json import finite
 from rig.run_file.chain import Record
 from rig.run_file.documents import declared_model, kind_of_run, mounting_of
 from rig.run_file.live import controller_alive, live_path, read_json

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from procedures.column_names import spelled, stem_of, unit_of
+from rig.procedures.column_names import spelled, stem_of, unit_of
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault, Warned
 from rig.run_file.events.event import Event

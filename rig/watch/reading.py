@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from procedures.run_list import Factor
+from rig.procedures.plan.run_list import Factor
 from rig.run_file.bodies import NUMBER, ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.events.points import Observed

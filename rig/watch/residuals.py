@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.column_names import spelled, unit_of
-from procedures.expected import Previous
-from rig.quantities import per_volt
+from rig.bench.quantities import per_volt
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.plan.expected import Previous
 from rig.watch.against import columns_of, model_columns
 from rig.watch.reading import Seen
 

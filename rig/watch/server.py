@@ -16,7 +16,7 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from rig.errors import UsageError
-from rig.previous import read_previous
+from rig.runs.previous import read_previous
 from rig.watch.access import Access
 from rig.watch.app import make_app
 from rig.watch.connections import BoundedProtocol

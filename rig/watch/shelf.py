@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from procedures.expected import Previous
 from rig.errors import RigError
-from rig.regular import real_path
+from rig.files.regular import real_path
+from rig.procedures.plan.expected import Previous
 from rig.run_file.live import controller_alive, live_path, read_json
 from rig.watch.feed import RunFeed
 from rig.watch.reading import WatchReader

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from procedures.column_names import spelled, unit_of
-from procedures.run_list import Factor
-from procedures.shell import shell_word
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.plan.run_list import Factor
+from rig.procedures.present.shell import shell_word
 from rig.run_file.bodies import NUMBER
 from rig.run_file.live import asked_by_hand, done_command
 from rig.run_file.state import RunState

@@ -1,10 +1,10 @@
 """Faults of a simulated bench: the [[faults]] of a world file (docs/reference/faults.md)."""
 
-from sims.faults.fault import Fault, Kind, Option, Striking
-from sims.faults.faulty_wire import FaultyWire
-from sims.faults.known_kinds import COMMON, kinds_of, kinds_on
-from sims.faults.schedule import Faults, Happening
-from sims.faults.world_file import read_faults
+from rig.sims.faults.fault import Fault, Kind, Option, Striking
+from rig.sims.faults.faulty_wire import FaultyWire
+from rig.sims.faults.known_kinds import COMMON, kinds_of, kinds_on
+from rig.sims.faults.schedule import Faults, Happening
+from rig.sims.faults.world_file import read_faults
 
 __all__ = [
     "COMMON",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sims.faults.fault import Kind, Option, Over, Striking
+from rig.sims.faults.fault import Kind, Option, Over, Striking
 
 
 def _step(striking: Striking) -> Over:

@@ -8,9 +8,9 @@ from math import inf
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from sims.faults.faulty_wire import FaultyWire
-    from sims.physics import Plant
-    from sims.world import World
+    from rig.sims.faults.faulty_wire import FaultyWire
+    from rig.sims.physics import Plant
+    from rig.sims.world import World
 
 Counts = Literal["", "exchanges", "frames", "readings"]
 """Unit counted by `times`; "" if the kind happens once or lasts."""
@@ -43,13 +43,13 @@ class Option:
 class Kind:
     """A kind of fault.
 
-    A fault of an instrument is declared by its twin (`sims.twin.TwinClass.faults`). It is one of
-    `sims.faults.instrument_faults` or the twin's own.
+    A fault of an instrument is declared by its twin (`rig.sims.twin.TwinClass.faults`). It is one of
+    `rig.sims.faults.instrument_faults` or the twin's own.
 
     Attributes:
         name: name in a world file.
         sentence: description of the effect.
-        act: makes it happen; None for faults of wires, which `sims.faults.faulty_wire` executes.
+        act: makes it happen; None for faults of wires, which `rig.sims.faults.faulty_wire` executes.
         wires: kinds of wire on which it happens; () if it is not a fault of a wire.
         of_bench: whether it happens to the whole bench.
         counts: unit counted by `times`.

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import partial
 from math import inf
 
-from sims.faults.fault import Fault
-from sims.world import World
+from rig.sims.faults.fault import Fault
+from rig.sims.world import World
 
 Deliver = Callable[[bytes], None]
 Note = Callable[[Fault, str], None]

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-from sims.faults.fault import Kind, Option, Over, Striking
-from sims.faults.reading_faults import OPEN_CIRCUIT
+from rig.sims.faults.fault import Kind, Option, Over, Striking
+from rig.sims.faults.reading_faults import OPEN_CIRCUIT
 
 
 def _trip(striking: Striking) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from sims.faults.clock_faults import OF_THE_BENCH
-from sims.faults.fault import Kind
-from sims.faults.instrument_faults import ALARM, DOOR, ERROR_QUEUE, OF_HEADS, POWER, SUPPLY
-from sims.faults.reading_faults import OF_READINGS
-from sims.faults.wire_faults import OF_WIRES
-from sims.twin import TwinClass
+from rig.sims.faults.clock_faults import OF_THE_BENCH
+from rig.sims.faults.fault import Kind
+from rig.sims.faults.instrument_faults import ALARM, DOOR, ERROR_QUEUE, OF_HEADS, POWER, SUPPLY
+from rig.sims.faults.reading_faults import OF_READINGS
+from rig.sims.faults.wire_faults import OF_WIRES
+from rig.sims.twin import TwinClass
 
 COMMON: tuple[Kind, ...] = (
     *OF_WIRES,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from math import copysign, inf
 
-from sims.faults.fault import Kind, Option, Over, Striking
-from sims.inputs import Inputs, Tamper
-from sims.noise import event_at, normal
+from rig.sims.faults.fault import Kind, Option, Over, Striking
+from rig.sims.inputs import Inputs, Tamper
+from rig.sims.noise import event_at, normal
 
 
 def tamper_with(striking: Striking) -> Over:

@@ -8,12 +8,12 @@ from functools import partial
 from math import inf, isfinite
 from typing import NamedTuple, Protocol
 
-from sims.faults.fault import Fault, Striking
-from sims.faults.faulty_wire import FaultyWire
-from sims.noise import event_at, uniform
-from sims.physics import Plant
-from sims.twin import TwinClass
-from sims.world import World
+from rig.sims.faults.fault import Fault, Striking
+from rig.sims.faults.faulty_wire import FaultyWire
+from rig.sims.noise import event_at, uniform
+from rig.sims.physics import Plant
+from rig.sims.twin import TwinClass
+from rig.sims.world import World
 
 
 class Happening(NamedTuple):

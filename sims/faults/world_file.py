@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from math import inf, isnan
 from typing import Any
 
-from sims.faults.fault import WHEN, Fault, Kind, Option
-from sims.faults.known_kinds import kinds_of, kinds_on
-from sims.physics.fields import WorldError, known_keys
-from sims.twin import TwinClass
+from rig.sims.faults.fault import WHEN, Fault, Kind, Option
+from rig.sims.faults.known_kinds import kinds_of, kinds_on
+from rig.sims.physics.fields import WorldError, known_keys
+from rig.sims.twin import TwinClass
 
 _KEYS = ("kind", "on", *WHEN, "times", "for_s")
 

@@ -4,7 +4,7 @@ It is written from rotations, heat and gas flow, independently of the models of 
 function of virtual time, so neither the order nor the number of queries changes an answer.
 """
 
-from sims.physics.plant import Plant
-from sims.physics.truth import Truth, WorldError, read_truth, sensor_axes
+from rig.sims.physics.plant import Plant
+from rig.sims.physics.truth import Truth, WorldError, read_truth, sensor_axes
 
 __all__ = ["Plant", "Truth", "WorldError", "read_truth", "sensor_axes"]

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 from math import radians
 
-from sims.physics.rotations import Vector, compose, dot, pitch_matrix, roll_matrix, yaw_matrix
-from sims.physics.truth import SensorTruth
-from sims.physics.undeclared import Effects, of_sensor
+from rig.sims.physics.rotations import Vector, compose, dot, pitch_matrix, roll_matrix, yaw_matrix
+from rig.sims.physics.truth import SensorTruth
+from rig.sims.physics.undeclared import Effects, of_sensor
 
 
 def sensitive_axis(axis: str, coning_deg: float, azimuth_deg: float) -> Vector:

@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
-from sims.noise import normal
-from sims.physics.fields import BySensor, Number, Switch, accepts, quantity
-from sims.physics.undeclared import Effects
+from rig.sims.noise import normal
+from rig.sims.physics.fields import BySensor, Number, Switch, accepts, quantity
+from rig.sims.physics.undeclared import Effects
 
 PADS_LOCKED, REMOUNTED, OTHER_VOLTMETER, OTHER_GAUGE = "pads-locked", "remount", "voltmeter-swapped", "gauge-swapped"
 

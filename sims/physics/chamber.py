@@ -1,6 +1,6 @@
 """A temperature chamber: air under a control loop, walls that follow slowly, and a body that follows both.
 
-Between two commands the system is linear, so there is a closed form (`sims.physics.modes`):
+Between two commands the system is linear, so there is a closed form (`rig.sims.physics.modes`):
 
     air'  = (lab - air) / free + (wall - air) / exchange + heat
     wall' = (air - wall) / wall_time_constant
@@ -19,11 +19,11 @@ from math import inf
 
 import numpy as np
 
-from sims.physics.modes import Array, Response
-from sims.physics.pressure_truth import ChamberTruth
-from sims.physics.steps import Steps
-from sims.physics.thermal import Lab, Ramp
-from sims.physics.told import Told
+from rig.sims.physics.modes import Array, Response
+from rig.sims.physics.pressure_truth import ChamberTruth
+from rig.sims.physics.steps import Steps
+from rig.sims.physics.thermal import Lab, Ramp
+from rig.sims.physics.told import Told
 
 _AIR, _WALL, _BODY, _INTEGRAL = range(4)
 
@@ -38,7 +38,7 @@ class _Stretch:
 
 
 class Chamber:
-    """A chamber with a body in it; the same commands and queries as `sims.physics.thermal.Enclosure`.
+    """A chamber with a body in it; the same commands and queries as `rig.sims.physics.thermal.Enclosure`.
 
     Args:
         truth: its true parameters.

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sims.physics.fields import WorldError
+from rig.sims.physics.fields import WorldError
 
 _FUNCTIONS: Mapping[str, tuple[Callable[..., float], int]] = {
     "log": (math.log, 1),

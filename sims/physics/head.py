@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from math import inf, sqrt
 from typing import Protocol
 
-from sims.physics.profile import Course, Leg, Mechanics, overshoots, stopping, towards
-from sims.physics.steps import Steps
-from sims.physics.told import Told
-from sims.physics.truth import HeadTruth
-from sims.physics.undeclared import ARCSEC, Backlash, HeadError
+from rig.sims.physics.profile import Course, Leg, Mechanics, overshoots, stopping, towards
+from rig.sims.physics.steps import Steps
+from rig.sims.physics.told import Told
+from rig.sims.physics.truth import HeadTruth
+from rig.sims.physics.undeclared import ARCSEC, Backlash, HeadError
 
 AXES = ("pitch", "roll")
 _REMEMBERED_S = 3600.0

@@ -2,8 +2,8 @@
 
 Variables of formulas are true values of the bench's factors, such as `force_kN`; `force_side`, the direction of its
 last change (1, -1 or 0); `force_for_s`, the time since then; the lags of the world file; `elapsed_h`, the world's
-time; `lab_degC`; and `meter_swapped`, the number of such changes by a person (`sims.physics.by_hand`). Pure functions
-of virtual time between commands.
+time; `lab_degC`; and `meter_swapped`, the number of such changes by a person (`rig.sims.physics.by_hand`). Pure
+functions of virtual time between commands.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from itertools import pairwise
 from math import sqrt
 from typing import Any
 
-from sims.noise import event_at, normal
-from sims.physics.by_hand import CHANGES
-from sims.physics.chamber import Chamber
-from sims.physics.expression import Formula
-from sims.physics.fields import WorldError, known_keys
-from sims.physics.head import Axis
-from sims.physics.laboratory_truth import AnySensorTruth, SourceTruth, StandardTruth
-from sims.physics.steps import Steps
-from sims.physics.thermal import Lab
-from sims.physics.told import Told
-from sims.physics.truth import Truth
+from rig.sims.noise import event_at, normal
+from rig.sims.physics.by_hand import CHANGES
+from rig.sims.physics.chamber import Chamber
+from rig.sims.physics.expression import Formula
+from rig.sims.physics.fields import WorldError, known_keys
+from rig.sims.physics.head import Axis
+from rig.sims.physics.laboratory_truth import AnySensorTruth, SourceTruth, StandardTruth
+from rig.sims.physics.steps import Steps
+from rig.sims.physics.thermal import Lab
+from rig.sims.physics.told import Told
+from rig.sims.physics.truth import Truth
 
 _POWERS = {"p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}
 

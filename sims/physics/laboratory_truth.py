@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from sims.physics.expression import Formula
-from sims.physics.fields import Number, WorldError, accepts, quantity, read_table
+from rig.sims.physics.expression import Formula
+from rig.sims.physics.fields import Number, WorldError, accepts, quantity, read_table
 
 ANY = "any"
 """Axis, among those of `sensor_axes`, of a sensor of any laboratory."""

@@ -12,7 +12,7 @@ from cmath import exp
 import numpy as np
 from numpy.typing import NDArray
 
-from sims.physics.thermal import OMEGA, Lab
+from rig.sims.physics.thermal import OMEGA, Lab
 
 Array = NDArray[np.float64]
 

@@ -9,18 +9,27 @@ from math import inf, radians, sqrt
 from typing import Any, Protocol
 from zlib import crc32
 
-from sims.noise import event_at, normal
-from sims.physics.attitude import Accelerometer
-from sims.physics.by_hand import OTHER_VOLTMETER, PADS_LOCKED, REMOUNTED, Drawn
-from sims.physics.chamber import Chamber
-from sims.physics.head import HeadMechanics
-from sims.physics.laboratory import Laboratory, Source
-from sims.physics.pressure_line import PressureLine
-from sims.physics.pressure_stand import PressureStand
-from sims.physics.rotations import Matrix, Vector, apply, compose, pitch_matrix, roll_matrix, turned_gravity, yaw_matrix
-from sims.physics.thermal import Enclosure, Lab
-from sims.physics.truth import MountingTruth, SensorTruth, Truth, read_truth, sensor_axes
-from sims.physics.undeclared import IsolationPad
+from rig.sims.noise import event_at, normal
+from rig.sims.physics.attitude import Accelerometer
+from rig.sims.physics.by_hand import OTHER_VOLTMETER, PADS_LOCKED, REMOUNTED, Drawn
+from rig.sims.physics.chamber import Chamber
+from rig.sims.physics.head import HeadMechanics
+from rig.sims.physics.laboratory import Laboratory, Source
+from rig.sims.physics.pressure_line import PressureLine
+from rig.sims.physics.pressure_stand import PressureStand
+from rig.sims.physics.rotations import (
+    Matrix,
+    Vector,
+    apply,
+    compose,
+    pitch_matrix,
+    roll_matrix,
+    turned_gravity,
+    yaw_matrix,
+)
+from rig.sims.physics.thermal import Enclosure, Lab
+from rig.sims.physics.truth import MountingTruth, SensorTruth, Truth, read_truth, sensor_axes
+from rig.sims.physics.undeclared import IsolationPad
 
 _GAUSS_3 = ((-sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (sqrt(0.6), 5.0 / 18.0))
 """Nodes on -1..1 and weights (summing to 1) of three-point Gauss-Legendre quadrature."""
@@ -110,7 +119,7 @@ class Plant:
         return self.laboratory.chamber(instrument) or self.stand.chamber(instrument) or self.enclosure
 
     def by_hand(self, change: str) -> None:
-        """A person changes the bench by hand; see `sims.physics.by_hand`. The change is in force at once."""
+        """A person changes the bench by hand; see `rig.sims.physics.by_hand`. The change is in force at once."""
         self._latest.clear()
         self._drawn.another(change)
         if change == PADS_LOCKED:

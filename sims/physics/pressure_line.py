@@ -11,10 +11,10 @@ import itertools
 from dataclasses import dataclass, field
 from math import e, exp, inf, log, pi, sin, sqrt
 
-from sims.noise import event_at, normal, uniform
-from sims.physics.fields import Number, accepts, quantity
-from sims.physics.pressure_stretch import Stretch
-from sims.physics.told import Told
+from rig.sims.noise import event_at, normal, uniform
+from rig.sims.physics.fields import Number, accepts, quantity
+from rig.sims.physics.pressure_stretch import Stretch
+from rig.sims.physics.told import Told
 
 ATMOSPHERE_PSIA = 14.695949
 """Standard atmosphere."""

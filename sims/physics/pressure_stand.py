@@ -7,16 +7,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import sqrt
 
-from sims.noise import event_at, normal
-from sims.physics.by_hand import OTHER_GAUGE, Drawn, changed
-from sims.physics.chamber import Chamber
-from sims.physics.pressure_line import PressureLine
-from sims.physics.pressure_truth import TransducerTruth
-from sims.physics.steps import Steps
-from sims.physics.thermal import Lab
-from sims.physics.transducer import Conditions, Transducer
-from sims.physics.transpiration import at_the_sensor_psia
-from sims.physics.truth import Truth
+from rig.sims.noise import event_at, normal
+from rig.sims.physics.by_hand import OTHER_GAUGE, Drawn, changed
+from rig.sims.physics.chamber import Chamber
+from rig.sims.physics.pressure_line import PressureLine
+from rig.sims.physics.pressure_truth import TransducerTruth
+from rig.sims.physics.steps import Steps
+from rig.sims.physics.thermal import Lab
+from rig.sims.physics.transducer import Conditions, Transducer
+from rig.sims.physics.transpiration import at_the_sensor_psia
+from rig.sims.physics.truth import Truth
 
 PRESSURE, SENSORS, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
 """Factors, as named in a bench file's `[factors]`."""

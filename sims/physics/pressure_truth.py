@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import inf
 
-from sims.physics.fields import Switch, accepts, quantity
+from rig.sims.physics.fields import Switch, accepts, quantity
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import atan, cos, exp, hypot, inf, pi, sin
 
-from sims.physics.told import Told
-from sims.physics.truth import EnclosureTruth, LabTruth
+from rig.sims.physics.told import Told
+from rig.sims.physics.truth import EnclosureTruth, LabTruth
 
 DAY_S = 86400.0
 OMEGA = 2.0 * pi / DAY_S

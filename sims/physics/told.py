@@ -1,4 +1,4 @@
-"""Listeners to commands (`sims.tape`)."""
+"""Listeners to commands (`rig.sims.tape`)."""
 
 from __future__ import annotations
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import NamedTuple
 
-from sims.noise import normal
-from sims.physics.pressure_truth import TransducerTruth
-from sims.physics.undeclared import Effects, of_sensor
+from rig.sims.noise import normal
+from rig.sims.physics.pressure_truth import TransducerTruth
+from rig.sims.physics.undeclared import Effects, of_sensor
 
 _drawn = lru_cache(maxsize=4096)(normal)
 """An error that is the same for all readings of a setting or a whole plot."""

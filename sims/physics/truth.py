@@ -10,16 +10,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from sims.physics.by_hand import PersonTruth, VoltmeterTruth
-from sims.physics.fields import Moment, Switch, Whole, WorldError, accepts, known_keys, quantity, read_table
-from sims.physics.laboratory_truth import ANY, AnySensorTruth, DrawTruth, LagTruth, SourceTruth, StandardTruth, Tables
-from sims.physics.pressure_line import LineTruth
-from sims.physics.pressure_truth import ChamberTruth, TransducerTruth, ordinary
-from sims.physics.undeclared import Effects
-from sims.physics.undeclared_pressure import PressureEffects
+from rig.sims.physics.by_hand import PersonTruth, VoltmeterTruth
+from rig.sims.physics.fields import Moment, Switch, Whole, WorldError, accepts, known_keys, quantity, read_table
+from rig.sims.physics.laboratory_truth import (
+    ANY,
+    AnySensorTruth,
+    DrawTruth,
+    LagTruth,
+    SourceTruth,
+    StandardTruth,
+    Tables,
+)
+from rig.sims.physics.pressure_line import LineTruth
+from rig.sims.physics.pressure_truth import ChamberTruth, TransducerTruth, ordinary
+from rig.sims.physics.undeclared import Effects
+from rig.sims.physics.undeclared_pressure import PressureEffects
 
 FAULTS = "faults"
-"""The key of the faults, which are not physics (`sims.faults`)."""
+"""The key of the faults, which are not physics (`rig.sims.faults`)."""
 
 _ANGLES = frozenset({"pitch_deg", "roll_deg"})
 _PRESSURE_BENCH = frozenset({"pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"})

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import pi, radians, sin
 
-from sims.physics.fields import BySensor, NumberBySensor, Several, Word, accepts, quantity
-from sims.physics.rotations import Vector, apply, pitch_matrix, roll_matrix
-from sims.physics.undeclared_pressure import PressureEffects
+from rig.sims.physics.fields import BySensor, NumberBySensor, Several, Word, accepts, quantity
+from rig.sims.physics.rotations import Vector, apply, pitch_matrix, roll_matrix
+from rig.sims.physics.undeclared_pressure import PressureEffects
 
 ARCSEC = 1.0 / 3600.0
 """One arc second in degrees."""

@@ -1,7 +1,7 @@
 """Undeclared effects of pressure transducers and their line, each in terms of its physical cause.
 
-As in `sims.physics.undeclared`, every class is one `[effects.NAME]` table of a world file. Effects of a transducer are
-given once for all of them or by name. Temperatures are relative to each transducer's own references.
+As in `rig.sims.physics.undeclared`, every class is one `[effects.NAME]` table of a world file. Effects of a transducer
+are given once for all of them or by name. Temperatures are relative to each transducer's own references.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from math import exp
 
-from sims.physics.fields import BySensor, NumberBySensor, accepts, quantity
+from rig.sims.physics.fields import BySensor, NumberBySensor, accepts, quantity
 
 _BY_SENSOR = accepts(NumberBySensor(transducers=True))
 

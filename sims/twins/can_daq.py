@@ -10,14 +10,14 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import ClassVar, Protocol
 
-from sims.faults import Kind
-from sims.faults.reading_faults import OF_READINGS
-from sims.inputs import Inputs
-from sims.noise import event_at, normal
-from sims.physics import WorldError
-from sims.twin import Accuracy, Medium, Role
-from sims.wires.dbc import DbcSignal, read_dbc
-from sims.world import Timer, World
+from rig.sims.faults import Kind
+from rig.sims.faults.reading_faults import OF_READINGS
+from rig.sims.inputs import Inputs
+from rig.sims.noise import event_at, normal
+from rig.sims.physics import WorldError
+from rig.sims.twin import Accuracy, Medium, Role
+from rig.sims.wires.dbc import DbcSignal, read_dbc
+from rig.sims.world import Timer, World
 
 REPLY_S = 0.001
 """Seconds from a command to its answer."""

@@ -10,15 +10,15 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import ClassVar
 
-from sims.faults import Kind
-from sims.faults.instrument_faults import OF_HEADS
-from sims.physics import Plant
-from sims.twin import Medium, Role
-from sims.twins.cia402_drive import FOLLOWING_ERROR, OVERCURRENT, Drive
-from sims.twins.cia402_rates import rates
-from sims.wires.eds import identified, read_eds
-from sims.wires.sdo_server import SdoServer
-from sims.world import World
+from rig.sims.faults import Kind
+from rig.sims.faults.instrument_faults import OF_HEADS
+from rig.sims.physics import Plant
+from rig.sims.twin import Medium, Role
+from rig.sims.twins.cia402_drive import FOLLOWING_ERROR, OVERCURRENT, Drive
+from rig.sims.twins.cia402_rates import rates
+from rig.sims.wires.eds import identified, read_eds
+from rig.sims.wires.sdo_server import SdoServer
+from rig.sims.world import World
 
 REPLY_S = 0.0005
 """Seconds from an SDO request to its reply, both on the wire: about 0.25 ms each at 500 kbit/s."""

@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from math import inf
 
-from sims.physics.head import HeadMechanics
-from sims.wires import sdo_server as sdo
-from sims.wires.eds import EdsObject, Key
-from sims.world import World
+from rig.sims.physics.head import HeadMechanics
+from rig.sims.wires import sdo_server as sdo
+from rig.sims.wires.eds import EdsObject, Key
+from rig.sims.world import World
 
 DISABLED, READY, ON, ENABLED, QUICK_STOP, FAULT = 0x40, 0x21, 0x23, 0x27, 0x07, 0x08
 """States as the low bits of the statusword."""
@@ -32,7 +32,7 @@ _HOMING_METHODS = (33, 34, 35, 37)  # to the mark from either side; or "here"
 
 
 class Drive:
-    """One axis; its objects are the wire's `sims.wires.sdo_server.Objects`.
+    """One axis; its objects are the wire's `rig.sims.wires.sdo_server.Objects`.
 
     Args:
         world: virtual time.
@@ -118,7 +118,7 @@ class Drive:
         self._emergency(code, 0x21)
 
     def read(self, index: int, subindex: int) -> bytes:
-        """See `sims.wires.sdo_server.Objects`."""
+        """See `rig.sims.wires.sdo_server.Objects`."""
         found = self._find(index, subindex)
         if found.access == "wo":
             raise sdo.Aborted(sdo.WRITE_ONLY)
@@ -133,7 +133,7 @@ class Drive:
         return found.pack(compute() if compute else self._values[key])
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
-        """See `sims.wires.sdo_server.Objects`."""
+        """See `rig.sims.wires.sdo_server.Objects`."""
         found = self._find(index, subindex)
         if found.access in ("ro", "const"):
             raise sdo.Aborted(sdo.READ_ONLY)

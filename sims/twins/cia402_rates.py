@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from sims.wires.eds import EdsObject, Key
+from rig.sims.wires.eds import EdsObject, Key
 
 _VELOCITY, _ACCELERATION = (0x60A9, 0), (0x60AA, 0)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from sims.twins.scpi_syntax import Command, compiled
+from rig.sims.twins.scpi_syntax import Command, compiled
 
 _COMMON = (
     Command("*IDN", query="ask_identity", local=True),

@@ -12,17 +12,17 @@ from functools import lru_cache
 from math import inf
 from typing import ClassVar, Protocol
 
-from sims.faults import Kind
-from sims.faults.instrument_faults import SUPPLY
-from sims.faults.reading_faults import FROZEN, SPIKE
-from sims.inputs import Inputs
-from sims.physics.pressure_line import PressureLine
-from sims.twin import Role
-from sims.twins.druck_commands import COMMANDS, echo
-from sims.twins.druck_status import PaceStatus
-from sims.twins.scpi import ScpiTwin
-from sims.twins.scpi_syntax import Command, ScpiError, boolean, number
-from sims.world import World
+from rig.sims.faults import Kind
+from rig.sims.faults.instrument_faults import SUPPLY
+from rig.sims.faults.reading_faults import FROZEN, SPIKE
+from rig.sims.inputs import Inputs
+from rig.sims.physics.pressure_line import PressureLine
+from rig.sims.twin import Role
+from rig.sims.twins.druck_commands import COMMANDS, echo
+from rig.sims.twins.druck_status import PaceStatus
+from rig.sims.twins.scpi import ScpiTwin
+from rig.sims.twins.scpi_syntax import Command, ScpiError, boolean, number
+from rig.sims.world import World
 
 PASCALS = {
     "PSI": 6894.757293168,

@@ -5,8 +5,8 @@ Source: SCPI manual K0472, revision A, sections 3.1 to 3.4 (pages 3-1 to 3-9) an
 
 from __future__ import annotations
 
-from sims.twins.scpi import DEVICE_ERROR, ScpiTwin
-from sims.twins.scpi_syntax import number
+from rig.sims.twins.scpi import DEVICE_ERROR, ScpiTwin
+from rig.sims.twins.scpi_syntax import number
 
 _ERROR_AVAILABLE, _STANDARD_EVENT, _OPERATION = 4, 32, 128
 _PRESSURE_SUMMARY = 1024

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from sims.twins.keysight_meter import (
+from rig.sims.twins.keysight_meter import (
     RESOLUTION,
     SETTLING_S,
     Plant,
@@ -20,10 +20,10 @@ from sims.twins.keysight_meter import (
     reading,
     text,
 )
-from sims.twins.keysight_trigger import TRIGGERING, TriggeredTwin
-from sims.twins.scpi import COMMON, ScpiTwin
-from sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled
-from sims.world import World
+from rig.sims.twins.keysight_trigger import TRIGGERING, TriggeredTwin
+from rig.sims.twins.scpi import COMMON, ScpiTwin
+from rig.sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled
+from rig.sims.world import World
 
 NPLC = (0.02, 0.2, 1.0, 10.0, 100.0)
 """Integration times, power line cycles (user's guide)."""

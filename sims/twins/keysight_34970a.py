@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import ClassVar
 
-from sims.twins.keysight_34970a_commands import COMMANDS, ERRORS
-from sims.twins.keysight_channel import (
+from rig.sims.twins.keysight_34970a_commands import COMMANDS, ERRORS
+from rig.sims.twins.keysight_channel import (
     CHANNELS,
     DEGREES,
     NPLC,
@@ -23,9 +23,9 @@ from sims.twins.keysight_channel import (
     VOLTS,
     Channel,
 )
-from sims.twins.keysight_mainframe import Mainframe
-from sims.twins.keysight_memory import RememberingTwin
-from sims.twins.keysight_meter import (
+from rig.sims.twins.keysight_mainframe import Mainframe
+from rig.sims.twins.keysight_memory import RememberingTwin
+from rig.sims.twins.keysight_meter import (
     OVERLOAD,
     RESOLUTION,
     Plant,
@@ -37,11 +37,11 @@ from sims.twins.keysight_meter import (
     temperature,
     text,
 )
-from sims.twins.keysight_trigger import TriggeredTwin
-from sims.twins.scpi import ScpiTwin
-from sims.twins.scpi_flow import XonXoffTwin
-from sims.twins.scpi_syntax import Command, ScpiError, boolean
-from sims.world import World
+from rig.sims.twins.keysight_trigger import TriggeredTwin
+from rig.sims.twins.scpi import ScpiTwin
+from rig.sims.twins.scpi_flow import XonXoffTwin
+from rig.sims.twins.scpi_syntax import Command, ScpiError, boolean
+from rig.sims.world import World
 
 _LONG = {"THERMISTOR": "THER"}
 

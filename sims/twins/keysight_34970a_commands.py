@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from sims.twins.keysight_mainframe import MAINFRAME
-from sims.twins.keysight_memory import MEMORY
-from sims.twins.keysight_trigger import TRIGGERING
-from sims.twins.scpi import COMMON
-from sims.twins.scpi_syntax import Command, compiled
+from rig.sims.twins.keysight_mainframe import MAINFRAME
+from rig.sims.twins.keysight_memory import MEMORY
+from rig.sims.twins.keysight_trigger import TRIGGERING
+from rig.sims.twins.scpi import COMMON
+from rig.sims.twins.scpi_syntax import Command, compiled
 
 COMMANDS = compiled(
     (

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sims.twins.keysight_meter import SETTLING_S
+from rig.sims.twins.keysight_meter import SETTLING_S
 
 NPLC = (0.02, 0.2, 1.0, 2.0, 10.0, 20.0, 100.0, 200.0)
 """Integration times, power line cycles (Command Reference)."""

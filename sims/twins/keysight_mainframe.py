@@ -5,8 +5,8 @@ Commands are from the 34970A/34972A Command Reference, version 2.00.
 
 from __future__ import annotations
 
-from sims.twins.keysight_channel import SLOTS
-from sims.twins.scpi_syntax import Command, ScpiError, number
+from rig.sims.twins.keysight_channel import SLOTS
+from rig.sims.twins.scpi_syntax import Command, ScpiError, number
 
 MAINFRAME = (
     Command("SYSTem:CTYPe", query="ask_card", local=True),

@@ -8,9 +8,9 @@ from __future__ import annotations
 from abc import abstractmethod
 from functools import partialmethod
 
-from sims.twins.keysight_meter import text
-from sims.twins.keysight_trigger import Reading, TriggeredTwin
-from sims.twins.scpi_syntax import Command, ScpiError, boolean, number
+from rig.sims.twins.keysight_meter import text
+from rig.sims.twins.keysight_trigger import Reading, TriggeredTwin
+from rig.sims.twins.scpi_syntax import Command, ScpiError, boolean, number
 
 MEMORY = (
     Command("FORMat:READing:UNIT", set="set_units", query="ask_units"),

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from functools import cache
 from typing import Protocol
 
-from sims.noise import event_at, normal
-from sims.twins.scpi_syntax import ScpiError, number
+from rig.sims.noise import event_at, normal
+from rig.sims.twins.scpi_syntax import ScpiError, number
 
 OVERLOAD = 9.9e37
 """The reading outside the range (34401A manual)."""

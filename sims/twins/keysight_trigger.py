@@ -7,14 +7,14 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
-from sims.faults import Kind
-from sims.faults.reading_faults import OF_READINGS
-from sims.inputs import Inputs
-from sims.twin import Accuracy, Role
-from sims.twins.keysight_meter import OVERLOAD, Plant, parameter, text
-from sims.twins.scpi import DEVICE_ERROR, ScpiTwin, Wait
-from sims.twins.scpi_syntax import Command, ScpiError
-from sims.world import Timer, World
+from rig.sims.faults import Kind
+from rig.sims.faults.reading_faults import OF_READINGS
+from rig.sims.inputs import Inputs
+from rig.sims.twin import Accuracy, Role
+from rig.sims.twins.keysight_meter import OVERLOAD, Plant, parameter, text
+from rig.sims.twins.scpi import DEVICE_ERROR, ScpiTwin, Wait
+from rig.sims.twins.scpi_syntax import Command, ScpiError
+from rig.sims.world import Timer, World
 
 TRIGGERING = (
     Command("INITiate[:IMMediate]", set="initiate"),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from sims.world import World
+from rig.sims.world import World
 
 ENCODER_DEG = 1e-4
 """Encoder resolution; positions are answered in whole counts."""
@@ -15,7 +15,7 @@ _MOMENT_S = 1e-3
 
 
 class Mechanics(Protocol):
-    """One axis of the mechanics behind this controller (`sims.physics.head`)."""
+    """One axis of the mechanics behind this controller (`rig.sims.physics.head`)."""
 
     def move(self, target: float, speed: float, acceleration: float) -> None:
         """Start a motion profile; angle in deg, speed in deg/s, acceleration in deg/s^2."""

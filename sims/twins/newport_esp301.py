@@ -14,11 +14,11 @@ from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
 from typing import ClassVar, Protocol
 
-from sims.faults import Kind
-from sims.faults.instrument_faults import ERROR_QUEUE, OF_HEADS
-from sims.twin import Medium, Role
-from sims.twins.newport_axis import PARAMETERS, Axis, Head, Parameter
-from sims.world import World
+from rig.sims.faults import Kind
+from rig.sims.faults.instrument_faults import ERROR_QUEUE, OF_HEADS
+from rig.sims.twin import Medium, Role
+from rig.sims.twins.newport_axis import PARAMETERS, Axis, Head, Parameter
+from rig.sims.world import World
 
 _COMMAND_S = 0.004  # execution time of one command [?]
 _TICK_S = 400e-6  # TB?'s time stamps count servo cycles of 400 us

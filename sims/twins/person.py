@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from sims.faults.fault import Kind
-from sims.twin import Medium, Role
-from sims.world import World
+from rig.sims.faults.fault import Kind
+from rig.sims.twin import Medium, Role
+from rig.sims.world import World
 
 
 class PersonTwin:

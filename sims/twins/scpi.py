@@ -11,11 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from typing import Any, ClassVar
 
-from sims.faults import Kind
-from sims.faults.instrument_faults import ERROR_QUEUE
-from sims.twin import Medium, Role
-from sims.twins.scpi_syntax import Command, ScpiError, boolean, number, split_outside
-from sims.world import World
+from rig.sims.faults import Kind
+from rig.sims.faults.instrument_faults import ERROR_QUEUE
+from rig.sims.twin import Medium, Role
+from rig.sims.twins.scpi_syntax import Command, ScpiError, boolean, number, split_outside
+from rig.sims.world import World
 
 DEVICE_CLEAR = 0x03
 """Ctrl-C stands for GPIB's device clear on a serial line (34401A manual)."""

@@ -11,10 +11,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from sims.identity import fitting
-from sims.twins.scpi import COMMON, ScpiTwin, Wait
-from sims.twins.scpi_syntax import Command, ScpiError, compiled, number, split_outside
-from sims.world import World
+from rig.sims.identity import fitting
+from rig.sims.twins.scpi import COMMON, ScpiTwin, Wait
+from rig.sims.twins.scpi_syntax import Command, ScpiError, compiled, number, split_outside
+from rig.sims.world import World
 
 __all__ = ["DescribedTwin", "Wait"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sims.twins.scpi import ScpiTwin
+from rig.sims.twins.scpi import ScpiTwin
 
 _XON, _XOFF = b"\x11", b"\x13"
 _MUCH = 100  # characters in its buffer at which it sends XOFF [?]

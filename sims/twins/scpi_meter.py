@@ -6,16 +6,16 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import ClassVar
 
-from sims.faults import Kind
-from sims.faults.reading_faults import OF_READINGS
-from sims.inputs import Inputs
-from sims.noise import event_at, normal
-from sims.twin import Accuracy, Role
-from sims.twins.keysight_meter import OVERLOAD, Plant
-from sims.twins.scpi import ScpiTwin, Wait
-from sims.twins.scpi_described import DescribedTwin, header, units
-from sims.twins.scpi_syntax import ScpiError, number
-from sims.world import World
+from rig.sims.faults import Kind
+from rig.sims.faults.reading_faults import OF_READINGS
+from rig.sims.inputs import Inputs
+from rig.sims.noise import event_at, normal
+from rig.sims.twin import Accuracy, Role
+from rig.sims.twins.keysight_meter import OVERLOAD, Plant
+from rig.sims.twins.scpi import ScpiTwin, Wait
+from rig.sims.twins.scpi_described import DescribedTwin, header, units
+from rig.sims.twins.scpi_syntax import ScpiError, number
+from rig.sims.world import World
 
 _INPUT = "input"
 _NOISE = 1e-6  # standard deviation of a reading, V
@@ -59,7 +59,7 @@ class DescribedMeterTwin(DescribedTwin):
         self._began = -1.0
 
     def accuracy(self, channel: str, unit: str) -> Accuracy:
-        """See `sims.twin.Accurate`."""
+        """See `rig.sims.twin.Accurate`."""
         return Accuracy(6.0 * _NOISE + 1e-9)
 
     def busy_for(self) -> float:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar, Protocol
 
-from sims.faults import Kind
-from sims.twin import Role
-from sims.twins.scpi import ScpiTwin
-from sims.twins.scpi_described import DescribedTwin, header, units
-from sims.twins.scpi_syntax import ScpiError, number
-from sims.world import World
+from rig.sims.faults import Kind
+from rig.sims.twin import Role
+from rig.sims.twins.scpi import ScpiTwin
+from rig.sims.twins.scpi_described import DescribedTwin, header, units
+from rig.sims.twins.scpi_syntax import ScpiError, number
+from rig.sims.world import World
 
 
 class Quantity(Protocol):

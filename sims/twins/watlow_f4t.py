@@ -15,17 +15,17 @@ from functools import partial
 from math import inf, nan
 from typing import Any, ClassVar, Literal
 
-from sims.faults import Kind
-from sims.faults.instrument_faults import ALARM, DOOR, OWN_SENSOR
-from sims.faults.reading_faults import FROZEN, SPIKE
-from sims.inputs import Inputs
-from sims.noise import event_at, normal
-from sims.physics import Plant, WorldError
-from sims.twin import Medium, Role
-from sims.twins.watlow_registers import Access, Bank, Register, Scale, Value
-from sims.wires.modbus_line import ModbusEndpoint
-from sims.wires.modbus_slave import ILLEGAL_VALUE, Refused
-from sims.world import World
+from rig.sims.faults import Kind
+from rig.sims.faults.instrument_faults import ALARM, DOOR, OWN_SENSOR
+from rig.sims.faults.reading_faults import FROZEN, SPIKE
+from rig.sims.inputs import Inputs
+from rig.sims.noise import event_at, normal
+from rig.sims.physics import Plant, WorldError
+from rig.sims.twin import Medium, Role
+from rig.sims.twins.watlow_registers import Access, Bank, Register, Scale, Value
+from rig.sims.wires.modbus_line import ModbusEndpoint
+from rig.sims.wires.modbus_slave import ILLEGAL_VALUE, Refused
+from rig.sims.world import World
 
 _PV_NOISE_DEGC = 0.003
 _PART_NUMBER = "F4T1A2CAA1A1AAA"

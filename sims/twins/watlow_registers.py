@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sims.wires.modbus_slave import ILLEGAL_ADDRESS, Refused
+from rig.sims.wires.modbus_slave import ILLEGAL_ADDRESS, Refused
 
 _STRUCT = {"uint16": ">H", "int32": ">i", "float32": ">f"}
 
@@ -96,7 +96,7 @@ class Bank:
             self._at[address + offset] = (register, offset)
 
     def read(self, address: int, count: int) -> list[int]:
-        """See `sims.wires.modbus_slave.Registers`; every word must belong to a register, and numbers are read whole.
+        """See `rig.sims.wires.modbus_slave.Registers`; every word must belong to a register; numbers are read whole.
 
         A parameter of 16 bits has two addresses: public clients read across the second, which is 0 here [?].
         """
@@ -119,7 +119,7 @@ class Bank:
         return words[:count]
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """See `sims.wires.modbus_slave.Registers`; registers are written whole."""
+        """See `rig.sims.wires.modbus_slave.Registers`; registers are written whole."""
         done = 0
         while done < len(words):
             register, offset = self._find(address + done)

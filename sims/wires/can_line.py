@@ -6,8 +6,8 @@ import errno
 from collections import deque
 from collections.abc import Callable
 
-from sims.wires.tampering import UNTOUCHED, Tampering
-from sims.world import World
+from rig.sims.wires.tampering import UNTOUCHED, Tampering
+from rig.sims.world import World
 
 Frame = tuple[int, bytes]
 """Identifier (11 bits) and data."""
@@ -27,7 +27,7 @@ def on_one_bus(*nodes: OnFrame) -> OnFrame:
 
 
 class CanCable:
-    """A bus to a simulated instrument; a transport of `drivers.wires.can_transport`.
+    """A bus to a simulated instrument; a transport of `rig.drivers.wires.can_transport`.
 
     Args:
         world: virtual time.

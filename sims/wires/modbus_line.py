@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from sims.wires.modbus_slave import Registers, RtuSlave, TcpSlave
-from sims.wires.tampering import UNTOUCHED, Tampering
-from sims.world import World
+from rig.sims.wires.modbus_slave import Registers, RtuSlave, TcpSlave
+from rig.sims.wires.tampering import UNTOUCHED, Tampering
+from rig.sims.world import World
 
 TURNAROUND_S = 0.010
 """Response time of a controller, seconds [?]."""
@@ -42,7 +42,7 @@ class ModbusEndpoint:
 
 
 class ModbusCable:
-    """A line to a simulated instrument under virtual time; a transport of `drivers.wires.modbus`.
+    """A line to a simulated instrument under virtual time; a transport of `rig.drivers.wires.modbus`.
 
     Args:
         world: virtual time.

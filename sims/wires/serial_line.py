@@ -13,10 +13,10 @@ from typing import Protocol, runtime_checkable
 
 import serial
 
-from sims.wires.tampering import UNTOUCHED, Tampering
-from sims.world import World
+from rig.sims.wires.tampering import UNTOUCHED, Tampering
+from rig.sims.world import World
 
-_HANDLERS = "sims.wires.serial_handlers"
+_HANDLERS = "rig.sims.wires.serial_handlers"
 
 
 class SerialEnd(Protocol):

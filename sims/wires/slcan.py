@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sims.wires.can_line import OnFrame
+from rig.sims.wires.can_line import OnFrame
 
 _DONE, _REFUSED = b"\r", b"\a"
 _LONGEST = 64

@@ -1,4 +1,4 @@
-"""Possible faults of messages on a simulated wire (`sims.faults.faulty_wire` executes them)."""
+"""Possible faults of messages on a simulated wire (`rig.sims.faults.faulty_wire` executes them)."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Tampering(Protocol):
         ...
 
     def to_twin(self, message: bytes, forward: Deliver, deliver: Deliver) -> None:
-        """A message from the host; see `sims.faults.faulty_wire.FaultyWire`."""
+        """A message from the host; see `rig.sims.faults.faulty_wire.FaultyWire`."""
         ...
 
     def to_host(self, message: bytes, deliver: Deliver) -> None:

@@ -7,11 +7,11 @@ from math import inf, sqrt
 import numpy as np
 import pytest
 
-from fitter.budget import Correlation, Influence, TypeA, budgets, combine, covariance, coverage_factor
-from fitter.budget.budget import Budgeted
-from fitter.errors import FitError
 from proving.statistics.budgets import coverage, engine, stated
 from proving.truth.budgets import laboratory
+from rig.fitter.budget import Correlation, Influence, TypeA, budgets, combine, covariance, coverage_factor
+from rig.fitter.budget.budget import Budgeted
+from rig.fitter.errors import FitError
 
 NAMES, UNITS = ("S", "b"), ("V", "V")
 

@@ -10,15 +10,15 @@ import pytest
 from command import rig
 from general_lab import BENCH, run_dry
 
-from fitter.budget import Budgeted, Contribution
-from procedures.table import Table
-from rig.closed_loop.held import outside_of
-from rig.controller import resume_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
-from rig.report.budget import shares
-from rig.results.budget import budget
-from sims.twins.keysight_34401a import Keysight34401ATwin
+from rig.fitter.budget import Budgeted, Contribution
+from rig.procedures.tables.table import Table
+from rig.runs.controller import resume_run
+from rig.sims.twins.keysight_34401a import Keysight34401ATwin
+from rig.verbs.budget.held import outside_of
+from rig.verbs.budget.page import shares
+from rig.verbs.budget.result import budget
 
 REGISTER = """
 name = "stand"

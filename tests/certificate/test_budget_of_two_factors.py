@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from procedures.errors import DataError
-from procedures.general.budget import general_evaluation
-from procedures.general.planning import misfit
-from procedures.general.settings import GeneralProcedure
-from procedures.table import Table
+from rig.procedures.errors import DataError
+from rig.procedures.general.budget import general_evaluation
+from rig.procedures.general.planning import misfit
+from rig.procedures.general.settings import GeneralProcedure
+from rig.procedures.tables.table import Table
 
 FORMULA = "1 + force_kN + force_kN^2 + air_degC + air_degC:force_kN"
 AT = [{"force_kN": 4.0, "air_degC": 20.0}, {"force_kN": 8.0, "air_degC": 30.0}]

@@ -11,12 +11,12 @@ from certificate_lab import REGISTER
 from command import rig
 from general_lab import BENCH, PROCEDURE, WORLD, run_dry
 
-from procedures.pressure.budget import PressureEvaluation
-from procedures.pressure.budget_traced import TracedEvaluation
-from procedures.pressure.trace import trace_whole_plots
 from proving.truth.pressure import HOMOSCEDASTIC, simulate
-from rig.results.budget import budget
+from rig.procedures.pressure.budget import PressureEvaluation
+from rig.procedures.pressure.budget_traced import TracedEvaluation
+from rig.procedures.pressure.trace import trace_whole_plots
 from rig.tables import run_table
+from rig.verbs.budget.result import budget
 
 SQUARE = 3e-5
 """V/kN2, so small that the data cannot tell it from other curves."""

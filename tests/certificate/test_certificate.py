@@ -8,24 +8,24 @@ from dataclasses import replace
 import pytest
 from scipy.stats import t as student
 
-from fitter.effects.sizes import amplitude, each, relative, size_95
-from fitter.trace.outcome import Finding, Outcome, Row
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.evaluate import AttitudeTraced
-from procedures.attitude.trace import trace
-from procedures.certificate import Change, Errors, certificate, with_words
-from procedures.effect_plots import drawn
-from procedures.pictures import png
-from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.evaluate import WholePlotTraced
-from procedures.pressure.fitted import Declared
-from procedures.pressure.trace import trace_whole_plots
-from procedures.table import Table
-from procedures.words import chance, part, percent
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import on_x
 from proving.truth.whole_plot import Bench, Run, Transducer
 from proving.truth.whole_plot import simulate as simulate_whole_plots
+from rig.fitter.effects.sizes import amplitude, each, relative, size_95
+from rig.fitter.trace.outcome import Finding, Outcome, Row
+from rig.procedures.attitude.effects import CATALOGUE
+from rig.procedures.attitude.evaluate import AttitudeTraced
+from rig.procedures.attitude.trace import trace
+from rig.procedures.evaluate.certificate import Change, Errors, certificate, with_words
+from rig.procedures.present.effect_plots import drawn
+from rig.procedures.present.pictures import png
+from rig.procedures.present.words import chance, part, percent
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
+from rig.procedures.pressure.evaluate import WholePlotTraced
+from rig.procedures.pressure.fitted import Declared
+from rig.procedures.pressure.trace import trace_whole_plots
+from rig.procedures.tables.table import Table
 
 EFFECT = Finding(
     kind="effect",

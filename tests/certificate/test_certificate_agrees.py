@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from rig.certificate.assembly import effects, notes
+from rig.verbs.certificate.assembly import effects, notes
 
 NOTE = (
     "cell_V: drift:elapsed_s: it is doubtful: two causes do as well; these data cannot separate it from "

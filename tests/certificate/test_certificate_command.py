@@ -18,26 +18,26 @@ from command import rig
 from dry import SHORT, dry
 from general_lab import BENCH, CHAMBER, PROCEDURE, WORLD, run_dry
 
-from fitter.rounding import rounded
-from fitter.trace.outcome import Finding
-from procedures import by_hand
-from rig.certificate.about import equipment, steps_by_hand
-from rig.certificate.assembly import conditions, decimal_text, doubtful, effects
-from rig.certificate.files import changes, write_once
-from rig.certificate.layout import sections
-from rig.certificate.numbers import plain
-from rig.certificate.words import UNTRACED
-from rig.closed_loop.budget import checked_run
 from rig.dcc.reader import read_dcc
 from rig.dcc.si_units import per_term
 from rig.engine.session import Outcome
 from rig.errors import ConfigurationError, UsageError
-from rig.results.budget import budget
-from rig.results.certificate import Asked, Made, Refused, make
-from rig.results.certified_runs import read_run
-from rig.results.issue import Issue, issue
+from rig.fitter.rounding import rounded
+from rig.fitter.trace.outcome import Finding
+from rig.procedures.plan import by_hand
 from rig.run_file.reader import RunReader
 from rig.tables import run_table
+from rig.verbs.budget.evaluation import checked_run
+from rig.verbs.budget.result import budget
+from rig.verbs.certificate.about import equipment, steps_by_hand
+from rig.verbs.certificate.assembly import conditions, decimal_text, doubtful, effects
+from rig.verbs.certificate.files import changes, write_once
+from rig.verbs.certificate.issue import Issue, issue
+from rig.verbs.certificate.layout import sections
+from rig.verbs.certificate.numbers import plain
+from rig.verbs.certificate.result import Asked, Made, Refused, make
+from rig.verbs.certificate.runs import read_run
+from rig.verbs.certificate.words import UNTRACED
 
 pytest.importorskip("typst")
 DAY = date.fromisoformat(ISSUED)

@@ -16,14 +16,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_certificate import amended, document
 
-from rig.certificate.blocks import Grid, percent
-from rig.certificate.document import Document
-from rig.certificate.html import html
-from rig.certificate.layout import sections
-from rig.certificate.numbers import padding, plain, raised, typeset
-from rig.certificate.pdf import pdf
-from rig.certificate.words import CORRELATED, EFFECTS, INFERRED, UNCONFIRMED, uncertainty
 from rig.errors import ConfigurationError
+from rig.verbs.certificate.blocks import Grid, percent
+from rig.verbs.certificate.document import Document
+from rig.verbs.certificate.html import html
+from rig.verbs.certificate.layout import sections
+from rig.verbs.certificate.numbers import padding, plain, raised, typeset
+from rig.verbs.certificate.pdf import pdf
+from rig.verbs.certificate.words import CORRELATED, EFFECTS, INFERRED, UNCONFIRMED, uncertainty
 
 pytest.importorskip("typst")
 pypdf = pytest.importorskip("pypdf")

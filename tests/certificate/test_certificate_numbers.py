@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from certificate_lab import ISSUED, settled, stand
 
-from rig.certificate import files
 from rig.errors import UsageError
-from rig.results.certificate import Asked, Made, make
-from rig.results.issue import Issue, issue
+from rig.verbs.certificate import files
+from rig.verbs.certificate.issue import Issue, issue
+from rig.verbs.certificate.result import Asked, Made, make
 
 pytest.importorskip("typst")
 TOLERANCE = '[[tolerance]]\nresult = "every output"\nunit = "V"\nnominal = "0.1 + 0.5*force_kN"\ndeviation = {}\n'
@@ -144,7 +144,7 @@ def test_a_number_whose_issue_is_cut_is_free_again(run, tmp_path, monkeypatch, a
     with monkeypatch.context() as cut:
         cut.setattr(files, "_name", killed)
         cut.setattr(Path, "unlink", lambda *_, **__: None)  # a kill clears nothing up
-        cut.setattr("rig.certificate.numbers_issued.Issued._undone", lambda *_: None)
+        cut.setattr("rig.verbs.certificate.numbers_issued.Issued._undone", lambda *_: None)
         with pytest.raises(SystemExit):
             issue(of, Issue(tmp_path / "a"))
     how = Issue(tmp_path / "a", because="again" if after == 4 else "")

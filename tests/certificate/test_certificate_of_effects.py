@@ -9,11 +9,11 @@ from types import SimpleNamespace
 import pytest
 from command import rig
 
-from fitter.rounding import rounded_df
-from rig.certificate.html import html
-from rig.closed_loop.budget import budget_run
-from rig.results.certificate import Asked, Made, make
-from rig.results.certified_runs import read_run
+from rig.fitter.rounding import rounded_df
+from rig.verbs.budget.evaluation import budget_run
+from rig.verbs.certificate.html import html
+from rig.verbs.certificate.result import Asked, Made, make
+from rig.verbs.certificate.runs import read_run
 
 LAB = Path(__file__).parents[2] / "examples" / "load-cell-lab"
 DAY = date(2026, 11, 24)

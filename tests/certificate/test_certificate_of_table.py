@@ -11,8 +11,8 @@ import pytest
 from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
 from command import rig
 
-from rig.certificate.layout import sections
-from rig.results.certificate import Asked, Refused, make
+from rig.verbs.certificate.layout import sections
+from rig.verbs.certificate.result import Asked, Refused, make
 
 DAY = date.fromisoformat(ISSUED)
 TABLE = """[table]

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from certificate_lab import ISSUED, settled, stand
 
-from rig.certificate.layout import sections
-from rig.certificate.tolerances import ToleranceSettings
 from rig.errors import ConfigurationError
-from rig.results.certificate import Asked, Refused, make
-from rig.results.certified_runs import read_run
+from rig.verbs.certificate.layout import sections
+from rig.verbs.certificate.result import Asked, Refused, make
+from rig.verbs.certificate.runs import read_run
+from rig.verbs.certificate.tolerances import ToleranceSettings
 
 AT = {"force_kN": 4.0}
 

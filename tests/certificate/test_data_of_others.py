@@ -10,16 +10,16 @@ from xml.etree import ElementTree as ET
 import pytest
 from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
 
-from rig.certificate import words
-from rig.certificate.as_dcc import dcc
-from rig.certificate.blocks import Grid
-from rig.certificate.document import Document
-from rig.certificate.layout import sections
 from rig.dcc.reader import parsed
 from rig.errors import ConfigurationError
 from rig.register import parse_register
-from rig.results.certificate import Asked, make
-from rig.results.certified_runs import read_run
+from rig.verbs.certificate import words
+from rig.verbs.certificate.as_dcc import dcc
+from rig.verbs.certificate.blocks import Grid
+from rig.verbs.certificate.document import Document
+from rig.verbs.certificate.layout import sections
+from rig.verbs.certificate.result import Asked, make
+from rig.verbs.certificate.runs import read_run
 
 pytest.importorskip("typst")
 EXTERNAL = """

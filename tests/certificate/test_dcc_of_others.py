@@ -10,15 +10,15 @@ from command import rig
 from sample_certificate import document
 from test_dcc import LIST, keys, others  # noqa: F401 - a fixture
 
-from rig.certificate.as_dcc import dcc
 from rig.cli import app  # noqa: F401 - commands are registered
 from rig.cli.certificate import _padded
 from rig.dcc.reader import parsed
 from rig.dcc.si_units import ratio
 from rig.errors import UsageError
-from rig.inference import read_calibration
 from rig.register import parse_register
 from rig.register.from_dcc import Wanted, equipment_text
+from rig.verbs.certificate.as_dcc import dcc
+from rig.verbs.infer import read_calibration
 
 THERMOMETER = (
     '<quantity refType="b_reading"><name><content>reading</content></name><s:realListXMLList>'

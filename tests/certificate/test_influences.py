@@ -10,18 +10,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter.budget import Influence
-from procedures.attitude.budget import AttitudeEvaluation
-from procedures.budgeting import Shift
-from procedures.general.budget import general_evaluation
-from procedures.influences import Found, corrected, influences
-from procedures.pressure.budget import PressureEvaluation
-from procedures.pressure.influences import line_head
-from procedures.stated import PlaceConstant, Stated, Statements
-from procedures.table import Table
 from proving.truth.attitude import D1, Bench, Plan, volts, without_noise
 from proving.truth.pressure import HOMOSCEDASTIC
 from proving.truth.pressure import simulate as simulate_pressure
+from rig.fitter.budget import Influence
+from rig.procedures.attitude.budget import AttitudeEvaluation
+from rig.procedures.evaluate.budgeting import Shift
+from rig.procedures.evaluate.influences import Found, corrected, influences
+from rig.procedures.evaluate.stated import PlaceConstant, Stated, Statements
+from rig.procedures.general.budget import general_evaluation
+from rig.procedures.pressure.budget import PressureEvaluation
+from rig.procedures.pressure.influences import line_head
+from rig.procedures.tables.table import Table
 
 BENCH, PLAN = Bench(), D1(60.0, 7, 9, replications=2)
 AT = [(0.0, 0.0), (30.0, 40.0)]

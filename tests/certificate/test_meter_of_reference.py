@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from test_influences import by_result, general
 
-from procedures.influences import corrected, influences
-from rig.config import parse_bench
+from rig.bench.config import parse_bench
 from rig.errors import ConfigurationError
+from rig.procedures.evaluate.influences import corrected, influences
 from rig.register import check_covered, parse_register, stated_of
 from rig.register.computed import computed_from
 from rig.unattended.doctor.instruments import check_stated

@@ -8,8 +8,8 @@ import pytest
 from command import rig
 from flow_bench import run_of
 
-from procedures.errors import DataError
-from procedures.points import points
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.points import points
 
 # JCGM 100:2008, Table H.6: reading and correction, both in degC
 H3 = """t_degC,b_degC

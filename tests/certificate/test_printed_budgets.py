@@ -13,10 +13,10 @@ from math import cos, inf, log, sin, sqrt
 import numpy as np
 import pytest
 
-from fitter.budget import Correlation, Influence, TypeA, budgets, covariance
-from fitter.budget.coverage import coverage_factor
-from fitter.linear import least_squares
-from fitter.rounding import rounded, rounded_df, rounded_uncertainty
+from rig.fitter.budget import Correlation, Influence, TypeA, budgets, covariance
+from rig.fitter.budget.coverage import coverage_factor
+from rig.fitter.linear import least_squares
+from rig.fitter.rounding import rounded, rounded_df, rounded_uncertainty
 
 Model = Callable[[np.ndarray], list[float]]
 

@@ -13,14 +13,14 @@ from general_lab import run_dry
 from test_budget_command import BENCH, REGISTER
 from test_influences import attitude
 
-from procedures.blocks import Grid, Line
-from procedures.budgeting import Shift
-from procedures.errors import DataError
-from procedures.influences import influences
-from procedures.simulated_budget import together, whole
-from procedures.stated import PlaceConstant, Stated, Statements
-from rig.closed_loop.budget import simulated_notes
-from rig.results.budget import Budget, budget
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.budgeting import Shift
+from rig.procedures.evaluate.influences import influences
+from rig.procedures.evaluate.simulated_budget import together, whole
+from rig.procedures.evaluate.stated import PlaceConstant, Stated, Statements
+from rig.procedures.present.blocks import Grid, Line
+from rig.verbs.budget.evaluation import simulated_notes
+from rig.verbs.budget.result import Budget, budget
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,9 @@ import pytest
 from command import rig
 from test_total_in_use import DATA, EXAMPLES
 
-from procedures.inference import Inference
-from rig.inference import csv_reader, infer, read_calibration
-from rig.inference.total import KeptBudget, KeptInfluence, with_total
+from rig.procedures.evaluate.inference import Inference
+from rig.verbs.infer import csv_reader, infer, read_calibration
+from rig.verbs.infer.total import KeptBudget, KeptInfluence, with_total
 
 FAR, BLANK = "propagation to first order fails", "an influence leaves no value, so no uncertainty is known"
 

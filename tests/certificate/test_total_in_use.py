@@ -11,7 +11,7 @@ import pytest
 from command import rig
 
 from rig.errors import UsageError
-from rig.inference import csv_reader, infer, read_calibration
+from rig.verbs.infer import csv_reader, infer, read_calibration
 
 ROOT = Path(__file__).parents[2]
 DATA, EXAMPLES = ROOT / "tests" / "data", ROOT / "examples"

@@ -99,18 +99,33 @@ def test_the_sdist_holds_what_a_fresh_copy_is_tested_with(sdist):
 def test_the_wheel_of_the_sdist_is_the_wheel_of_the_tree(wheel, tmp_path):
     ours = files_of(wheel_of(ROOT, tmp_path))
     assert files_of(wheel) == ours
-    packages = {name.split("/")[0] for name in ours if name.count("/") == 1 and name.endswith("/__init__.py")}
-    assert packages == {"rig", "drivers", "sims", "procedures", "fitter", "contracts"}
-    assert all(f"{package}/py.typed" in ours for package in packages)
+    assert {name.split("/")[0] for name in ours if ".dist-info/" not in name} == {"rig"}
+    assert "rig/py.typed" in ours
+
+
+def somebody_elses(folder: Path) -> Path:
+    """A wheel of another project, whose packages are named as folders of our source."""
+    for name in ("drivers", "sims", "procedures", "fitter", "contracts", "examples"):
+        (folder / name).mkdir(parents=True)
+        (folder / name / "__init__.py").write_text(f"raise ImportError('this is another {name}')\n")
+    (folder / "pyproject.toml").write_text(
+        '[build-system]\nrequires = ["hatchling"]\nbuild-backend = "hatchling.build"\n'
+        '[project]\nname = "fitter"\nversion = "1.0"\n'
+        "[tool.hatch.build.targets.wheel]\n"
+        'packages = ["drivers", "sims", "procedures", "fitter", "contracts", "examples"]\n'
+    )
+    return wheel_of(folder, folder.parent)
 
 
 @pytest.mark.timeout(600)
-def test_an_installed_wheel_runs_the_demo(wheel, tmp_path):
+def test_an_installed_wheel_runs_the_demo_beside_packages_named_as_our_folders(wheel, tmp_path):
     venv.create(tmp_path / "env", with_pip=False, symlinks=True)
     python = tmp_path / "env" / "bin" / "python"
-    quietly(*PIP, "--python", python, "install", "--no-deps", "--no-compile", wheel)
+    theirs = somebody_elses(tmp_path / "theirs" / "fitter")
+    assert set(files_of(wheel)) & set(files_of(theirs)) == set()
+    quietly(*PIP, "--python", python, "install", "--no-deps", "--no-compile", wheel, theirs)
     (site,) = (tmp_path / "env").glob("lib/python*/site-packages")
-    (about,) = site.glob("*.dist-info")
+    (about,) = site.glob("calibration_rig-*.dist-info")
     needed = required(Distribution.at(about))
     assert {"numpy", "scipy", "pymodbus", "matplotlib", "Jinja2"} <= set(needed)
     assert "pytest" not in needed

@@ -9,9 +9,9 @@ import tempfile
 
 import pytest
 
-from rig.config import InstrumentConfig, parse_bench, parse_toml
+from rig.bench.config import InstrumentConfig, parse_bench, parse_toml
 from rig.errors import BusyError, ConfigurationError
-from rig.locks import locked_addresses
+from rig.instruments.locks import locked_addresses
 
 GOOD = """
 name = "b"
@@ -88,7 +88,9 @@ def test_two_units_on_one_modbus_wire_are_one_lock_and_no_deadlock():
 
 def test_locks_are_one_for_a_machine_wherever_temporary_folders_are(tmp_path, monkeypatch):
     address = {"a": instrument("modbus-tcp://127.0.0.1:5504/1")}
-    holding = "from rig.locks import locked_addresses as l; from rig.config import InstrumentConfig as I\n"
+    holding = (
+        "from rig.instruments.locks import locked_addresses as l; from rig.bench.config import InstrumentConfig as I\n"
+    )
     holding += f"with l({{'a': I(driver='d', address={address['a'].address!r})}}): print('held', flush=True); input()"
     elsewhere = {**os.environ, "TMPDIR": str(tmp_path)}
     other = subprocess.Popen([sys.executable, "-c", holding], stdin=-1, stdout=-1, text=True, env=elsewhere)

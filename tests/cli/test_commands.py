@@ -23,7 +23,7 @@ def test_help_and_version_load_neither_numbers_nor_settings():
         "from rig.cli import main\n"
         "sys.argv = ['rig', sys.argv[1]]\n"
         "with contextlib.suppress(SystemExit): main()\n"
-        "print(sorted({'numpy', 'scipy', 'pydantic', 'apsw', 'fitter', 'drivers'} & set(sys.modules)))\n"
+        "print(sorted({'numpy', 'scipy', 'pydantic', 'apsw', 'rig.fitter', 'rig.drivers'} & set(sys.modules)))\n"
     )
     for option in ("--help", "--version"):
         done = subprocess.run([sys.executable, "-c", code, option], capture_output=True, text=True, check=True)
@@ -37,7 +37,7 @@ def test_a_mistake_of_the_fitter_is_no_error_of_whoever_asked(tmp_path, monkeypa
     table = tmp_path / "table.csv"
     table.write_text("x,y\n" + "".join(f"{k},{2 * k + k % 3}\n" for k in range(12)))
     monkeypatch.setenv("TMPDIR", str(tmp_path))
-    monkeypatch.setattr("procedures.general.fit.search", wrong)
+    monkeypatch.setattr("rig.procedures.general.fit.search", wrong)
     done = rig("fit", table, "--response", "y", "--formula", "1 + x")
     assert done.returncode == 1
     assert "unforeseen: ValueError: expected 3 values" in done.stderr

@@ -12,31 +12,31 @@ import pytest
 from buses import REGISTER_MAP
 from command import rig
 
-from fitter.arithmetic_text import FormulaError
-from fitter.formula import Formula
 from proving.crashes.damages import small_finished
 from proving.crashes.runs import PROCEDURES
 from proving.doors.hostile import Seeded
 from proving.doors.of_pages import Page
 from proving.doors.of_runs import Image
-from rig.atomic import check_writable
-from rig.config import parse_bench, parse_procedure, parse_toml, read_text
-from rig.controller import opened
+from rig.bench.config import parse_bench, parse_procedure, parse_toml, read_text
 from rig.errors import ConfigurationError, RigError, RunFileError, UsageError
 from rig.examples import example
-from rig.inference import read_calibration
-from rig.plans import plan_of
+from rig.files.atomic import check_writable
+from rig.fitter.arithmetic_text import FormulaError
+from rig.fitter.formula import Formula
 from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader
+from rig.runs.controller import opened
+from rig.runs.plans import plan_of
+from rig.sims.faults import read_faults
+from rig.sims.physics import WorldError
 from rig.simulated.dry_run import twin_class
 from rig.tables import read_any_csv, read_gappy_csv, read_table
 from rig.unattended.happenings import one_line
 from rig.unattended.service import ServiceUnit
+from rig.verbs.infer import read_calibration
 from rig.watch import Shelf
 from rig.watch.words import number
-from sims.faults import read_faults
-from sims.physics import WorldError
 
 BENCH = (example("attitude-lab") / "bench.toml").read_text()
 PROCEDURE = PROCEDURES["attitude"]

@@ -10,11 +10,11 @@ from command import rig
 from dry import LAB, SHORT, dry
 from few_sensors import with_sensors
 
-from procedures.blocks import Grid, Line
 from proving.forger import Opened, forge
 from rig.cli.show import out
-from rig.present.html import html
-from rig.present.terminal import show
+from rig.procedures.present.blocks import Grid, Line
+from rig.procedures.present.html import html
+from rig.procedures.present.terminal import show
 
 NAME = '<script>alert(1)</script>[red]&"$x^{$ ESCAPE'
 

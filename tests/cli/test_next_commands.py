@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 from command import rig
 
-from procedures.shell import shell_word
 from rig.cli.commands import COMMANDS
+from rig.procedures.present.shell import shell_word
 
 ROOT = Path(__file__).parents[2]
 NAMES = ["my night", "it's $HOME", 'a "b" `touch hacked`', "x; touch hacked", "-rf", "a&&b (c) #d *"]

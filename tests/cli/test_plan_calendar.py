@@ -8,12 +8,12 @@ import pytest
 from certificate_lab import ISSUED, REGISTER, settled, stand
 from general_lab import BENCH, PROCEDURE, WORLD
 
-from rig.closed_loop.budget import checked_run
-from rig.config import parse_bench
+from rig.bench.config import parse_bench
 from rig.register import absent, parse_register
-from rig.results.certificate import Asked, make
-from rig.results.planned import plan
 from rig.simulated.calendar import dated
+from rig.verbs.budget.evaluation import checked_run
+from rig.verbs.certificate.result import Asked, make
+from rig.verbs.plan.result import plan
 
 WITH_ASSETS = BENCH.replace('driver = "person"', 'driver = "person"\nasset = "W-1"').replace(
     "nplc = 1", 'nplc = 1\nasset = "DVM-1"'

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from general_lab import DVM, PROCEDURE
 
-from rig.controller import start_run
 from rig.engine.session import Signals
-from rig.plans import load_plan
-from rig.results.dwells import short_dwells
+from rig.runs.controller import start_run
+from rig.runs.plans import load_plan
 from rig.tables import run_table
+from rig.verbs.plan.dwells import short_dwells
 
 VALVE = """
 [instruments.valve]

@@ -15,21 +15,21 @@ from dry_pressure import SHORT as SHORT_PRESSURE
 from general_lab import BENCH, PROCEDURE, written
 from test_hard_anything import FIXTURE_PROCEDURE
 
-from fitter.split_plot import fit_split_plot
-from procedures.general.of_runs import Asked, fit_run
-from procedures.general.planned import expected_run
-from procedures.pressure.planned import expected_run as expected_pressures
-from procedures.pressure.precision import coded_columns
-from rig.config import parse_procedure
-from rig.controller import start_run
+from rig.bench.config import parse_procedure
 from rig.engine.session import Signals
 from rig.errors import ConfigurationError
 from rig.examples import example
-from rig.plans import Plan, load_plan
+from rig.fitter.split_plot import fit_split_plot
+from rig.procedures.general.of_runs import Asked, fit_run
+from rig.procedures.general.planned import expected_run
+from rig.procedures.pressure.planned import expected_run as expected_pressures
+from rig.procedures.pressure.precision import coded_columns
 from rig.register import DOCUMENT
-from rig.results.budget import budget
-from rig.results.foreseen import expired
-from rig.results.promised import promised
+from rig.runs.controller import start_run
+from rig.runs.plans import Plan, load_plan
+from rig.verbs.budget.result import budget
+from rig.verbs.plan.foreseen import expired
+from rig.verbs.plan.promised import promised
 
 TODAY = date(2026, 11, 24)
 

@@ -13,10 +13,10 @@ from command import rig
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fitter.effects.sizes import amplitude, arcsec, each
-from fitter.rounding import with_error
-from procedures.text_picture import picture
-from rig.results.inferred import infer
+from rig.fitter.effects.sizes import amplitude, arcsec, each
+from rig.fitter.rounding import with_error
+from rig.procedures.present.text_picture import picture
+from rig.verbs.infer.result import infer
 
 ROOT = Path(__file__).parents[2]
 
@@ -95,8 +95,8 @@ def test_a_fit_of_large_numbers_shows_what_was_determined(tmp_path):
 BESIDE = re.compile(r"\} ?(\+-|±) ?\{")
 ELSEWHERE = {
     "fitter/rounding.py": "the function",
-    "rig/certificate/dcc_elements.py": "texts that were rounded",
-    "rig/certificate/tolerances.py": "a tolerance, which was given",
+    "rig/verbs/certificate/dcc_elements.py": "texts that were rounded",
+    "rig/verbs/certificate/tolerances.py": "a tolerance, which was given",
     "procedures/pressure/fitted.py": "a largest error, and the interval of another reading: no value and its error",
 }
 

@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 import rig
 from rig.cli.show import out
 from rig.engine.session import Progress
-from rig.results.data import first_endless
+from rig.verbs.data.result import first_endless
 
 ROOT = Path(__file__).parents[2]
 ATTITUDE = Path(__file__).parents[1] / "data" / "attitude-20261121.sqlite"
@@ -340,7 +340,7 @@ def test_a_chart_is_what_the_command_prints(monkeypatch, nights):
 
 
 def test_a_plan_is_what_the_command_prints(tmp_path, monkeypatch):
-    monkeypatch.setattr("drivers.clock.RealClock.utc", lambda _self: 1_800_000_000.0)
+    monkeypatch.setattr("rig.drivers.clock.RealClock.utc", lambda _self: 1_800_000_000.0)
     monkeypatch.setattr("shutil.disk_usage", lambda _path: shutil._ntuple_diskusage(3, 1, 2 * 10**9))
     procedure, bench = dry.write_short(tmp_path), dry.LAB / "bench.toml"
     found = rig.plan(procedure, bench, usage=30.0)

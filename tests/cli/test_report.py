@@ -12,17 +12,17 @@ from dry import LAB, SHORT, dry, write_short
 from few_sensors import with_sensors
 from markupsafe import escape
 
-from fitter.rounding import with_error
-from fitter.trace.outcome import Parameter
-from procedures.attitude.evaluate import AttitudeTraced
-from procedures.attitude.trace import trace
-from procedures.attitude.words import little_help
-from procedures.effects_shown import show_effect
-from procedures.table import Table
-from procedures.words import chance, incomplete, unnamed
-from rig.closed_loop import fit_table, trace_table
-from rig.report.frame import render as rendered
+from rig.by_kind import fit_table, trace_table
+from rig.fitter.rounding import with_error
+from rig.fitter.trace.outcome import Parameter
+from rig.procedures.attitude.evaluate import AttitudeTraced
+from rig.procedures.attitude.trace import trace
+from rig.procedures.attitude.words import little_help
+from rig.procedures.present.effects_shown import show_effect
+from rig.procedures.present.words import chance, incomplete, unnamed
+from rig.procedures.tables.table import Table
 from rig.tables import run_table
+from rig.verbs.page import render as rendered
 
 SCRIPT = "<script>alert(1)</script>"
 

@@ -9,18 +9,18 @@ import pytest
 from dry import write_short
 from pydantic import BaseModel
 
-from procedures.kinds import kinds
-from rig.bench_file import check_options
-from rig.certificate.settings import CertificateSettings
-from rig.config import BenchConfig, parse_bench, parse_procedure
-from rig.controller import resume_run, start_run
+from rig.bench.bench_file import check_options
+from rig.bench.config import BenchConfig, parse_bench, parse_procedure
+from rig.bench.plugins import driver_class, installed
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.examples import example
-from rig.explained import of_pattern
-from rig.plans import load_plan
-from rig.plugins import driver_class, installed
+from rig.files.explained import of_pattern
+from rig.procedures.kinds import kinds
 from rig.register import Register
+from rig.runs.controller import resume_run, start_run
+from rig.runs.plans import load_plan
+from rig.verbs.certificate.settings import CertificateSettings
 
 PROCEDURE = 'kind = "pitch-roll"\nname = "n"\nreplications = 2\n[design]\ntype = "T6"\n'
 BENCH = example("attitude-lab") / "bench.toml"

@@ -9,7 +9,7 @@ from command import rig
 from general_lab import BENCH, PROCEDURE, REFERENCE, WORLD, run_dry, written
 
 from rig.errors import ConfigurationError
-from rig.plans import load_plan
+from rig.runs.plans import load_plan
 
 _THERMOMETER = """[instruments.scanner]
 driver = "keysight-34970a"
@@ -90,7 +90,7 @@ def test_a_standard_model_of_other_units_is_refused_before_the_run(tmp_path: Pat
 
 
 def test_a_rehearsal_asks_nobody_for_anything(tmp_path: Path) -> None:
-    from rig.forecast import rehearse  # noqa: PLC0415
+    from rig.runs.forecast import rehearse  # noqa: PLC0415
 
     files, told = written(tmp_path), []
     rehearse(load_plan(files[0], files[1]), told.append)

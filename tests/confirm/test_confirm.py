@@ -12,15 +12,22 @@ import pytest
 from command import rig
 from dry import SHORT
 
-from fitter.confirm import NOTHING, Separation, confirm, confirm_all, separation
-from fitter.confirm.beside import Beside, beside
-from fitter.confirm.compare import Comparison
-from procedures.attitude.further_runs import further_runs
-from procedures.attitude.model import mounting_matrix
-from procedures.attitude.settings import MountingSettings
-from procedures.attitude.table import attitude_data
-from procedures.further_runs import Variation, possible
-from rig.closed_loop.confirm import (
+from rig.bench.config import parse_procedure, parse_toml
+from rig.engine.session import Outcome, Signals
+from rig.examples import example
+from rig.files.toml_text import toml_text
+from rig.fitter.confirm import NOTHING, Separation, confirm, confirm_all, separation
+from rig.fitter.confirm.beside import Beside, beside
+from rig.fitter.confirm.compare import Comparison
+from rig.procedures.attitude.further_runs import further_runs
+from rig.procedures.attitude.model import mounting_matrix
+from rig.procedures.attitude.settings import MountingSettings
+from rig.procedures.attitude.table import attitude_data
+from rig.procedures.plan.further_runs import Variation, possible
+from rig.runs.controller import resume_run, start_run
+from rig.runs.plans import plan_of
+from rig.tables import run_table
+from rig.verbs.confirm import (
     Inseparable,
     Proposal,
     consider,
@@ -31,14 +38,7 @@ from rig.closed_loop.confirm import (
     plan_for,
     propose,
 )
-from rig.closed_loop.confirm.answers import may_be_beside
-from rig.config import parse_procedure, parse_toml
-from rig.controller import resume_run, start_run
-from rig.engine.session import Outcome, Signals
-from rig.examples import example
-from rig.plans import plan_of
-from rig.tables import run_table
-from rig.toml_text import toml_text
+from rig.verbs.confirm.answers import may_be_beside
 
 LAB = example("attitude-lab")
 PADS = {"isolation_pad": {"pitch_compliance_deg_per_g": 8e-4}}

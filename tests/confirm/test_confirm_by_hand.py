@@ -11,18 +11,18 @@ import pytest
 from command import rig
 from test_confirm_forecast import traced_run
 
-from fitter.confirm import Later, confirm, questions_of, separation
-from fitter.confirm.runs import join
-from fitter.effects.hands import Done
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.together import AttitudeTogether
-from procedures.attitude.trace import trace
-from procedures.pressure.effects import PRESSURE_CATALOGUE
 from proving.truth import attitude
-from rig.closed_loop.confirm import judge, open_traced
-from rig.config import parse_procedure
+from rig.bench.config import parse_procedure
+from rig.fitter.confirm import Later, confirm, questions_of, separation
+from rig.fitter.confirm.runs import join
+from rig.fitter.effects.hands import Done
+from rig.procedures.attitude.effects import CATALOGUE
+from rig.procedures.attitude.together import AttitudeTogether
+from rig.procedures.attitude.trace import trace
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.run_file.events.by_hand import DoneByHand
 from rig.run_file.reader import RunReader
+from rig.verbs.confirm import judge, open_traced
 
 DAY_S = 86400.0
 PADS, CROSS = "isolation-pad-deflection", "cross-axis"

@@ -14,17 +14,17 @@ import pytest
 from command import rig
 from test_confirm import LAB, run
 
-from fitter.confirm import NOTHING, Confirmation, Later, Separation, confirm, questions_of, separation
-from procedures.attitude.together import AttitudeTogether
-from procedures.attitude.trace import trace
-from procedures.pressure.together import WholePlotTogether
-from procedures.pressure.trace import trace_whole_plots
 from proving.truth import attitude
 from proving.truth import whole_plot as pressure
-from rig.closed_loop.confirm import consider, inseparable, open_traced, propose
-from rig.config import parse_toml
-from rig.plans import plan_of
-from rig.toml_text import toml_text
+from rig.bench.config import parse_toml
+from rig.files.toml_text import toml_text
+from rig.fitter.confirm import NOTHING, Confirmation, Later, Separation, confirm, questions_of, separation
+from rig.procedures.attitude.together import AttitudeTogether
+from rig.procedures.attitude.trace import trace
+from rig.procedures.pressure.together import WholePlotTogether
+from rig.procedures.pressure.trace import trace_whole_plots
+from rig.runs.plans import plan_of
+from rig.verbs.confirm import consider, inseparable, open_traced, propose
 
 DAY_S = 86400.0
 FEWER = pressure.Run(pairs=((-1.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0), (0.0, 0.0)))
@@ -125,7 +125,7 @@ def test_what_no_run_of_the_bench_separates_is_said_and_needs_a_person(tmp_path:
 def test_where_nobody_can_change_anything_nothing_is_proposed(tmp_path: Path, monkeypatch) -> None:
     """The same with a voltmeter of which nothing is declared about another one."""
     first = traced_run(tmp_path, "xz", {"third_order": {"ug_per_g3": 40.0}}, 9)
-    monkeypatch.setattr("procedures.attitude.effects.effect.FAMILIES", {})
+    monkeypatch.setattr("rig.procedures.attitude.effects.effect.FAMILIES", {})
     opened = open_traced(first)
     considered = consider(opened)
     (never,) = inseparable(opened, considered)

@@ -12,13 +12,13 @@ from certificate_lab import REGISTER
 from command import rig
 from general_lab import BENCH, PROCEDURE, run_dry, written
 
-from fitter.errors import FitError
-from procedures.general.further_runs import further_runs
-from procedures.general.settings import GeneralProcedure
-from procedures.general.together import Observations, Remembered, Whole, join
-from rig.closed_loop.confirm.first import open_traced
-from rig.config import parse_procedure
+from rig.bench.config import parse_procedure
 from rig.examples import example
+from rig.fitter.errors import FitError
+from rig.procedures.general.further_runs import further_runs
+from rig.procedures.general.settings import GeneralProcedure
+from rig.procedures.general.together import Observations, Remembered, Whole, join
+from rig.verbs.confirm.first import open_traced
 
 CURVED = """seed = 3
 [sensors.cell]

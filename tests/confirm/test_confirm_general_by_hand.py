@@ -9,11 +9,11 @@ import pytest
 from command import rig
 from general_lab import PROCEDURE, run_dry
 
-from fitter.effects.own import own_effects
-from fitter.errors import FitError
-from procedures.general.effects.hands import HANDS, OTHER_METER
-from procedures.general.effects.own import GRAMMAR
 from rig.examples import example
+from rig.fitter.effects.own import own_effects
+from rig.fitter.errors import FitError
+from rig.procedures.general.effects.hands import HANDS, OTHER_METER
+from rig.procedures.general.effects.own import GRAMMAR
 
 ROOT, LOAD_CELL = Path(__file__).parents[2], example("load-cell-lab")
 
@@ -86,7 +86,7 @@ def test_an_own_effect_says_what_a_change_by_a_person_does_to_it():
 
 
 def test_kinds_with_an_entry_have_it_and_a_range_is_the_meters():
-    from procedures.general.effects import TABLE_CATALOGUE, _effect  # noqa: PLC0415
+    from rig.procedures.general.effects import TABLE_CATALOGUE, _effect  # noqa: PLC0415
 
     kinds = {kind.name: kind for kind in TABLE_CATALOGUE} | {
         kind.beside.name: kind.beside for kind in TABLE_CATALOGUE if kind.beside is not None

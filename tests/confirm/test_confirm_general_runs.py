@@ -5,15 +5,15 @@ from __future__ import annotations
 import pytest
 from general_lab import BENCH, PROCEDURE, run_dry
 
-from procedures.further_runs import Variation
-from procedures.general.confirming import GeneralConfirming
-from procedures.general.further_runs import further_runs
-from procedures.general.planning import check_declared
-from procedures.general.settings import GeneralProcedure
-from rig.closed_loop.confirm import first as confirm_first
-from rig.closed_loop.confirm.plans import procedure_text
-from rig.config import parse_procedure
+from rig.bench.config import parse_procedure
 from rig.errors import UsageError
+from rig.procedures.general.confirming import GeneralConfirming
+from rig.procedures.general.further_runs import further_runs
+from rig.procedures.general.planning import check_declared
+from rig.procedures.general.settings import GeneralProcedure
+from rig.procedures.plan.further_runs import Variation
+from rig.verbs.confirm import first as confirm_first
+from rig.verbs.confirm.plans import procedure_text
 
 FLOW = """kind = "general"
 name = "meters"

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from test_trace_tables_printed import awkward
 
-from fitter.errors import FitError
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.effects import effects_of
-from procedures.general.effects.literal import Rows, column
-from procedures.general.run_terms import columns_of
-from procedures.table import Table
+from rig.fitter.errors import FitError
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.effects import effects_of
+from rig.procedures.general.effects.literal import Rows, column
+from rig.procedures.general.run_terms import columns_of
+from rig.procedures.tables.table import Table
 
 
 def rows(columns, runs=(0,)):

@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter.confirm import Later, Points, questions_of
-from fitter.confirm.compare import Comparison
-from fitter.confirm.reduced import Reduced
-from procedures.attitude.confirming import short_path
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.designs import listed
-from procedures.attitude.orders import walk
-from procedures.attitude.settings import DesignSettings
-from procedures.attitude.together import AttitudeTogether
-from procedures.attitude.trace import trace
 from proving.truth import attitude
+from rig.fitter.confirm import Later, Points, questions_of
+from rig.fitter.confirm.compare import Comparison
+from rig.fitter.confirm.reduced import Reduced
+from rig.procedures.attitude.confirming import short_path
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.designs import listed
+from rig.procedures.attitude.orders import walk
+from rig.procedures.attitude.settings import DesignSettings
+from rig.procedures.attitude.together import AttitudeTogether
+from rig.procedures.attitude.trace import trace
 
 DAY_S = 86400.0
 PADS, HEAD = "isolation-pad-deflection", "head-once-per-turn"

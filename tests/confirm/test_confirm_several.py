@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from command import rig
 
-from fitter.confirm import Hypothesis, Later, Question, confirm, confirm_all, questions_of, separation, still_open
-from fitter.confirm.beside import notable
-from fitter.confirm.together import Fit
-from procedures.attitude.model import mounting_matrix
-from procedures.attitude.together import AttitudeTogether
-from procedures.attitude.trace import trace
 from proving.truth import attitude
+from rig.fitter.confirm import Hypothesis, Later, Question, confirm, confirm_all, questions_of, separation, still_open
+from rig.fitter.confirm.beside import notable
+from rig.fitter.confirm.together import Fit
+from rig.procedures.attitude.model import mounting_matrix
+from rig.procedures.attitude.together import AttitudeTogether
+from rig.procedures.attitude.trace import trace
 
 DAY_S = 86400.0
 PADS, HEAD = "isolation-pad-deflection", "head-once-per-turn"

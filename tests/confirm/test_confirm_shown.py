@@ -7,13 +7,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from fitter.confirm import NOTHING, Member
-from fitter.effects.sizes import Size
-from procedures.general.confirming import OWN_UNITS, GeneralConfirming
-from procedures.general.effects import OF_CONSTANT, _of_term
 from rig.cli import confirm_show
-from rig.closed_loop.confirm.answers import Confirmed
-from rig.closed_loop.confirm.proposals import unlikely
+from rig.fitter.confirm import NOTHING, Member
+from rig.fitter.effects.sizes import Size
+from rig.procedures.general.confirming import OWN_UNITS, GeneralConfirming
+from rig.procedures.general.effects import OF_CONSTANT, _of_term
+from rig.verbs.confirm.answers import Confirmed
+from rig.verbs.confirm.proposals import unlikely
 
 WHAT = "force_kN at the settings of the first run and between them"
 
@@ -21,7 +21,7 @@ WHAT = "force_kN at the settings of the first run and between them"
 @pytest.fixture
 def plain(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr("rig.closed_loop.confirm.proposals.otherwise", lambda *_: ["it may leave two causes open"])
+    monkeypatch.setattr("rig.verbs.confirm.proposals.otherwise", lambda *_: ["it may leave two causes open"])
 
 
 SIZE = "23 points x 1 replication"

@@ -11,12 +11,12 @@ from command import rig
 from general_lab import run_dry
 from test_hard_anything import FIXTURE, FIXTURE_PROCEDURE, FIXTURE_WORLD
 
-from procedures.further_runs import Variation
-from procedures.general.confirming import _determined
-from rig.closed_loop.confirm.answers import judge
-from rig.closed_loop.confirm.choosing import _proposal
-from rig.closed_loop.confirm.first import open_traced
-from rig.config import parse_procedure
+from rig.bench.config import parse_procedure
+from rig.procedures.general.confirming import _determined
+from rig.procedures.plan.further_runs import Variation
+from rig.verbs.confirm.answers import judge
+from rig.verbs.confirm.choosing import _proposal
+from rig.verbs.confirm.first import open_traced
 
 WORLD = FIXTURE_WORLD.replace("+ seat", "+ 0.02*(gap_mm - 3)^2 + seat").replace("sd = 0.003", "sd = 0.001")
 TEN = FIXTURE_PROCEDURE.replace("REPLICATIONS", "2").replace("levels = [1, 2]", "levels = [1, 2, 3, 4, 5]")

@@ -13,14 +13,14 @@ from command import rig
 from dry_pressure import LAB, SHORT, dry
 from few_sensors import with_sensors
 
-from fitter.confirm import NOTHING, Later, confirm, confirm_all, questions_of, separation
-from procedures.pressure.confirming import WholePlotConfirming
-from procedures.pressure.options import FitOptions
-from procedures.pressure.together import WholePlotTogether
-from procedures.pressure.trace import trace_whole_plots
 from proving.truth.whole_plot import Bench, Run, Transducer, simulate
-from rig.closed_loop.confirm import judge, open_traced, otherwise
-from rig.closed_loop.confirm.calibration import with_confirmed
+from rig.fitter.confirm import NOTHING, Later, confirm, confirm_all, questions_of, separation
+from rig.procedures.pressure.confirming import WholePlotConfirming
+from rig.procedures.pressure.options import FitOptions
+from rig.procedures.pressure.together import WholePlotTogether
+from rig.procedures.pressure.trace import trace_whole_plots
+from rig.verbs.confirm import judge, open_traced, otherwise
+from rig.verbs.confirm.calibration import with_confirmed
 
 CUBIC = 6e-3
 MODEL = "1 + P + T_sensor + T_SSE"

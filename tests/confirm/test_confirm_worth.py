@@ -12,8 +12,8 @@ import pytest
 from command import rig
 from test_set_in import BENCH, PROCEDURE, WORLD
 
-from rig.closed_loop.confirm.choosing import _worth_its_time
 from rig.tables.table_of_run import run_table
+from rig.verbs.confirm.choosing import _worth_its_time
 
 
 def of(hours, told, *, likely=False):

@@ -11,17 +11,17 @@ import serial
 from command import rig
 from dry import LAB, write_short
 
-from drivers.errors import Unreachable, WrongAddress
-from drivers.roles import Reader
-from drivers.wires import SerialOptions, SerialSettings, Wires
-from drivers.wires.addresses import CanAddress, ModbusAddress, SerialAddress, Wire, parse_address
-from drivers.wires.visa_address import VisaAddress
-from rig.bench import open_bench
-from rig.bench_file import check_options
-from rig.config import ADDRESSES, parse_bench
+from rig.bench.bench_file import check_options
+from rig.bench.config import ADDRESSES, parse_bench
+from rig.drivers.errors import Unreachable, WrongAddress
+from rig.drivers.roles import Reader
+from rig.drivers.wires import SerialOptions, SerialSettings, Wires
+from rig.drivers.wires.addresses import CanAddress, ModbusAddress, SerialAddress, Wire, parse_address
+from rig.drivers.wires.visa_address import VisaAddress
 from rig.errors import ConfigurationError
+from rig.instruments.opening import open_bench
+from rig.sims.world import World
 from rig.simulated.dry_run import DryBench
-from sims.world import World
 
 ALLOWED: list[tuple[Wire, str]] = [
     ("serial", "/dev/ttyUSB0"),

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 from ideal_bench import ideal_bench
 
-from drivers.roles import AxisState
-from procedures.run_list import Settle
+from rig.drivers.roles import AxisState
 from rig.engine.actions import BenchActions
 from rig.engine.axes import Axes, HeadMover
 from rig.engine.fault_classes import DriveFault
 from rig.engine.guard import Guard
-from sims.world import World
+from rig.procedures.plan.run_list import Settle
+from rig.sims.world import World
 
 
 @pytest.mark.parametrize("poll_s", [0.01, 0.5])

@@ -17,17 +17,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from drivers.can_daq import CanDaq
-from drivers.cia402 import CiA402Pair
-from drivers.errors import BadReply, LimitError, NoReply, NotReady, Unreachable, WrongInstrument
-from drivers.roles import OVERLOAD, Identity, Reader
-from drivers.wires import Wires
-from sims.physics import Plant, WorldError
-from sims.twins.can_daq import RANGE, SHORT, CanDaqTwin
-from sims.twins.cia402 import CiA402PairTwin
-from sims.wires.can_line import CanCable, OnFrame, on_one_bus
-from sims.wires.dbc import read_dbc
-from sims.world import World
+from rig.drivers.can_daq import CanDaq
+from rig.drivers.cia402 import CiA402Pair
+from rig.drivers.errors import BadReply, LimitError, NoReply, NotReady, Unreachable, WrongInstrument
+from rig.drivers.roles import OVERLOAD, Identity, Reader
+from rig.drivers.wires import Wires
+from rig.sims.physics import Plant, WorldError
+from rig.sims.twins.can_daq import RANGE, SHORT, CanDaqTwin
+from rig.sims.twins.cia402 import CiA402PairTwin
+from rig.sims.wires.can_line import CanCable, OnFrame, on_one_bus
+from rig.sims.wires.dbc import read_dbc
+from rig.sims.world import World
 
 DBC = (CONTRACTS / "can_daq.dbc").read_text(encoding="utf-8")
 THEIRS = cantools.database.load_string(DBC, "dbc")
@@ -282,7 +282,7 @@ def test_whatever_the_bus_does_readings_are_new_and_each_is_one_sweeps(fates: li
     bench = Bus()
     bench.world.sleep(50.0)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sims.twins.can_daq._NOISE", {"degC": 0.0, "V": 0.0})
+        patch.setattr("rig.sims.twins.can_daq._NOISE", {"degC": 0.0, "V": 0.0})
         try:
             readings = bench.measured(8)
         except (NoReply, BadReply):
@@ -619,7 +619,7 @@ def test_the_document_lists_every_option() -> None:
 
 def test_who_has_no_such_unit_does_not_wait_for_cantools() -> None:
     """16 ms of an interpreter's start, measured; only a bench that names the driver loads it."""
-    code = "import sys, rig.cli, rig.bench, drivers.wires; sys.exit('cantools' in sys.modules)"
+    code = "import sys, rig.cli, rig.instruments.opening, rig.drivers.wires; sys.exit('cantools' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -12,15 +12,15 @@ import can
 import canopen
 import pytest
 
-from drivers.clock import RealClock
-from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
-from drivers.wires.addresses import CanAddress
-from drivers.wires.can import CanLine, CanWires
-from drivers.wires.can_node import CanNode, read_eds
-from drivers.wires.can_transport import BusTransport
-from sims.wires.can_line import CanCable, OnFrame
-from sims.wires.slcan import SlcanAdapter
-from sims.world import World
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
+from rig.drivers.wires.addresses import CanAddress
+from rig.drivers.wires.can import CanLine, CanWires
+from rig.drivers.wires.can_node import CanNode, read_eds
+from rig.drivers.wires.can_transport import BusTransport
+from rig.sims.wires.can_line import CanCable, OnFrame
+from rig.sims.wires.slcan import SlcanAdapter
+from rig.sims.world import World
 
 EDS = (Path(__file__).parents[2] / "contracts" / "cia402_drive.eds").read_text(encoding="utf-8")
 SERIAL = 987654

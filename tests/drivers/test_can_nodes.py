@@ -6,10 +6,10 @@ import pytest
 from canopen import LocalNode, Network
 from canopen.objectdictionary import ODVariable
 
-from drivers.wires.can_node import read_eds as canopens_eds
-from sims.wires.eds import Key, identified, read_eds
-from sims.wires.sdo_server import NO_OBJECT, NO_SUBINDEX, READ_ONLY, TOO_LONG, Aborted, SdoServer
-from sims.wires.slcan import SlcanAdapter
+from rig.drivers.wires.can_node import read_eds as canopens_eds
+from rig.sims.wires.eds import Key, identified, read_eds
+from rig.sims.wires.sdo_server import NO_OBJECT, NO_SUBINDEX, READ_ONLY, TOO_LONG, Aborted, SdoServer
+from rig.sims.wires.slcan import SlcanAdapter
 
 EDS = (Path(__file__).parents[2] / "contracts" / "cia402_drive.eds").read_text(encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""What chambers and drives say when somebody has changed them at their panels (`drivers.roles.SelfChecking`).
+"""What chambers and drives say when somebody has changed them at their panels (`rig.drivers.roles.SelfChecking`).
 
 They are asked before and after the readings of every point. Other instruments: in the tests of their drivers.
 """
@@ -8,8 +8,8 @@ from __future__ import annotations
 import pytest
 from buses import EDS, head, oven
 
-from drivers.errors import NotReady
-from drivers.roles import SelfChecking
+from rig.drivers.errors import NotReady
+from rig.drivers.roles import SelfChecking
 
 
 @pytest.fixture(params=["C", "F"])

@@ -9,14 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from drivers.cia402 import CiA402Pair
-from drivers.errors import BadReply, LimitError, NotReady, Unreachable, WrongInstrument
-from drivers.roles import AxisState, Head
-from drivers.wires import Wires
-from sims.twins.cia402 import CiA402PairTwin
-from sims.twins.cia402_drive import FOLLOWING_ERROR, Drive
-from sims.wires.can_line import CanCable
-from sims.wires.sdo_server import (
+from rig.drivers.cia402 import CiA402Pair
+from rig.drivers.errors import BadReply, LimitError, NotReady, Unreachable, WrongInstrument
+from rig.drivers.roles import AxisState, Head
+from rig.drivers.wires import Wires
+from rig.sims.twins.cia402 import CiA402PairTwin
+from rig.sims.twins.cia402_drive import FOLLOWING_ERROR, Drive
+from rig.sims.wires.can_line import CanCable
+from rig.sims.wires.sdo_server import (
     NO_OBJECT,
     NO_SUBINDEX,
     NOT_IN_THIS_STATE,
@@ -28,7 +28,7 @@ from sims.wires.sdo_server import (
     TOO_SHORT,
     Aborted,
 )
-from sims.world import World
+from rig.sims.world import World
 
 Bench = Simulated[CiA402Pair, CiA402PairTwin]
 

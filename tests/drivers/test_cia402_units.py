@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.cia402_units import Quantity, Unit, parse_unit, told_unit
+from rig.drivers.cia402_units import Quantity, Unit, parse_unit, told_unit
 
 
 @pytest.mark.parametrize(

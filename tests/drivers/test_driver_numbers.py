@@ -8,8 +8,8 @@ import test_keysight_34401a
 import test_keysight_34970a
 import test_newport_esp301
 
-from drivers.errors import BadReply
-from drivers.numbers import decimal, whole
+from rig.drivers.errors import BadReply
+from rig.drivers.numbers import decimal, whole
 
 WRONG = [
     "nan",

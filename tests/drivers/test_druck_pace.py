@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from serial_bench import plug_in, wires
 
-from drivers.druck_pace import DruckPACE
-from drivers.druck_ranges import full_scale_psi, reference_of
-from drivers.druck_scpi import _same_header
-from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
-from drivers.roles import PressureController, Restartable, SelfChecking
-from sims.physics.pressure_line import ATMOSPHERE_PSIA, LineTruth, PressureLine
-from sims.twins.druck_pace import DruckPACETwin
-from sims.world import World
+from rig.drivers.druck_pace import DruckPACE
+from rig.drivers.druck_ranges import full_scale_psi, reference_of
+from rig.drivers.druck_scpi import _same_header
+from rig.drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
+from rig.drivers.roles import PressureController, Restartable, SelfChecking
+from rig.sims.physics.pressure_line import ATMOSPHERE_PSIA, LineTruth, PressureLine
+from rig.sims.twins.druck_pace import DruckPACETwin
+from rig.sims.world import World
 
 AIR = ATMOSPHERE_PSIA
 TRUTH = LineTruth(control_noise_psi=0.0, reference_noise_psi=0.0)

@@ -10,16 +10,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from drivers.clock import ScaledClock
-from drivers.druck_pace import DruckPACE
-from drivers.errors import DriverError
-from drivers.wires import Wires
+from rig.drivers.clock import ScaledClock
+from rig.drivers.druck_pace import DruckPACE
+from rig.drivers.errors import DriverError
+from rig.drivers.wires import Wires
 
 SPEED = 40.0
 SERVER = """
 import json, pathlib, sys
-from sims.serve import serve
-from sims.twins.druck_pace import DruckPACETwin
+from rig.sims.serve import serve
+from rig.sims.twins.druck_pace import DruckPACETwin
 bench, live, speed = json.loads(sys.argv[1])
 serve(bench, {}, {"druck-pace": DruckPACETwin}, pathlib.Path(live), speed=speed, seconds=40.0,
       announce=lambda line: print(line, flush=True))

@@ -10,16 +10,16 @@ import outside_package
 import pytest
 from exercise import NAME, Exercise, golden, on_file
 
-from drivers.driver import ContractFile
-from drivers.errors import DriverError, LimitError
-from drivers.roles import Chamber, Head, PressureController, Reader, Restartable, Source
-from rig.bench import identities
+from rig.bench.plugins import driver_class, installed
+from rig.drivers.driver import ContractFile
+from rig.drivers.errors import DriverError, LimitError
+from rig.drivers.roles import Chamber, Head, PressureController, Reader, Restartable, Source
 from rig.errors import BenchFault
-from rig.guarded import Refused
-from rig.plugins import driver_class, installed
+from rig.instruments.guarded import Refused
+from rig.instruments.opening import identities
+from rig.sims.faults import Kind, kinds_of
+from rig.sims.faults.instrument_faults import POWER
 from rig.simulated.dry_run import twin_class
-from sims.faults import Kind, kinds_of
-from sims.faults.instrument_faults import POWER
 
 ROLES = {
     "head": Head,

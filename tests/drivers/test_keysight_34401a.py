@@ -9,12 +9,12 @@ import pytest
 from pydantic import ValidationError
 from serial_bench import FakePlant, plug_in, wires
 
-from drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
-from drivers.keysight_34401a import Keysight34401A
-from drivers.roles import Reader, Restartable, is_overload
-from sims.twins.keysight_34401a import Keysight34401ATwin
-from sims.twins.scpi import Wait
-from sims.world import World
+from rig.drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
+from rig.drivers.keysight_34401a import Keysight34401A
+from rig.drivers.roles import Reader, Restartable, is_overload
+from rig.sims.twins.keysight_34401a import Keysight34401ATwin
+from rig.sims.twins.scpi import Wait
+from rig.sims.world import World
 
 
 class Rig:

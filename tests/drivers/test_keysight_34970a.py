@@ -8,11 +8,11 @@ import pytest
 from pydantic import ValidationError
 from serial_bench import FakePlant, plug_in, wires
 
-from drivers.errors import BadReply, InstrumentError, LimitError, WrongInstrument
-from drivers.keysight_34970a import Keysight34970A, channel_list
-from drivers.roles import Reader, Restartable, is_overload
-from sims.twins.keysight_34970a import Keysight34970ATwin
-from sims.world import World
+from rig.drivers.errors import BadReply, InstrumentError, LimitError, WrongInstrument
+from rig.drivers.keysight_34970a import Keysight34970A, channel_list
+from rig.drivers.roles import Reader, Restartable, is_overload
+from rig.sims.twins.keysight_34970a import Keysight34970ATwin
+from rig.sims.world import World
 
 CHANNELS = {"102": "volts", "101": "volts", "103": "volts", "110": "thermistor-10k", "109": "thermistor-5k"}
 

@@ -19,13 +19,13 @@ import pytest
 from buses import REGISTER_MAP, oven
 from test_modbus_line import Words
 
-from drivers.clock import RealClock
-from drivers.errors import BadReply, Unreachable
-from drivers.watlow_f4t import WatlowF4T
-from drivers.wires import Wires
-from drivers.wires.modbus import ModbusLine, ModbusWires, in_other_order, words_of_float
-from sims.wires.modbus_line import ModbusCable, ModbusEndpoint
-from sims.wires.modbus_slave import RtuSlave, TcpSlave
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import BadReply, Unreachable
+from rig.drivers.watlow_f4t import WatlowF4T
+from rig.drivers.wires import Wires
+from rig.drivers.wires.modbus import ModbusLine, ModbusWires, in_other_order, words_of_float
+from rig.sims.wires.modbus_line import ModbusCable, ModbusEndpoint
+from rig.sims.wires.modbus_slave import RtuSlave, TcpSlave
 
 Answer = Callable[[bytes], bytes]
 RESET = struct.pack("ii", 1, 0)

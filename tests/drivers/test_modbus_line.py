@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymodbus.client import ModbusTcpClient
 
-from drivers.clock import RealClock
-from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
-from drivers.wires.addresses import ModbusAddress
-from drivers.wires.modbus import ModbusLine, ModbusWires, float_of_words, words_of_float
-from sims.wires.modbus_line import ModbusCable, ModbusEndpoint
-from sims.wires.modbus_slave import RtuSlave, TcpSlave
-from sims.world import World
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
+from rig.drivers.wires.addresses import ModbusAddress
+from rig.drivers.wires.modbus import ModbusLine, ModbusWires, float_of_words, words_of_float
+from rig.sims.wires.modbus_line import ModbusCable, ModbusEndpoint
+from rig.sims.wires.modbus_slave import RtuSlave, TcpSlave
+from rig.sims.world import World
 
 
 class Words:

@@ -12,10 +12,10 @@ from contextlib import contextmanager
 import pytest
 from pymodbus.framer.rtu import FramerRTU
 
-from drivers.clock import RealClock
-from drivers.errors import BadReply, NoReply
-from drivers.wires.modbus import ModbusLine, ModbusWires
-from drivers.wires.modbus_rtu import ends_with_answer, fits, framed, questions
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import BadReply, NoReply
+from rig.drivers.wires.modbus import ModbusLine, ModbusWires
+from rig.drivers.wires.modbus_rtu import ends_with_answer, fits, framed, questions
 
 SETPOINT, PROCESS_VALUE = 2782, 2820
 WORDS = {SETPOINT: [60], PROCESS_VALUE: [23], **{16 + i: [i] for i in range(15)}}

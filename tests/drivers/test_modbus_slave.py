@@ -13,7 +13,7 @@ from pymodbus.framer import FramerRTU
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
-from sims.wires.modbus_slave import ILLEGAL_ADDRESS, Refused, RtuSlave, TcpSlave, crc16
+from rig.sims.wires.modbus_slave import ILLEGAL_ADDRESS, Refused, RtuSlave, TcpSlave, crc16
 
 FIRST, COUNT = 100, 200
 

@@ -6,11 +6,11 @@ import pytest
 from pydantic import ValidationError
 from serial_bench import FakePlant, plug_in, wires
 
-from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
-from drivers.newport_esp301 import NewportESP301
-from drivers.roles import Head, SelfChecking
-from sims.twins.newport_esp301 import NewportESP301Twin
-from sims.world import World
+from rig.drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
+from rig.drivers.newport_esp301 import NewportESP301
+from rig.drivers.roles import Head, SelfChecking
+from rig.sims.twins.newport_esp301 import NewportESP301Twin
+from rig.sims.world import World
 
 
 class Rig:
@@ -71,7 +71,7 @@ def test_prepare_sets_and_reads_back_every_setting():
 
 
 def test_a_unit_or_a_limit_that_was_changed_at_its_panel_is_told():
-    """It is asked before and after the readings of every point (`drivers.roles.SelfChecking`)."""
+    """It is asked before and after the readings of every point (`rig.drivers.roles.SelfChecking`)."""
     rig = Rig().ready()
     assert isinstance(rig.head, SelfChecking)
     assert rig.head.wrong() == []

@@ -10,13 +10,13 @@ import pytest
 from buses import EDS, without_objects
 from dry import LAB, SHORT, dry, write_short
 
-from rig.bench_file import check_options
-from rig.contract_files import read_bench
+from rig.bench.bench_file import check_options
+from rig.bench.contract_files import read_bench
 from rig.errors import ConfigurationError
-from rig.plans import load_plan, plan_of, stored_plan
-from rig.report.frame import story
 from rig.run_file.reader import RunReader
+from rig.runs.plans import load_plan, plan_of, stored_plan
 from rig.unattended.doctor.instruments import check_twins
+from rig.verbs.page import story
 
 SPARSE = without_objects(EDS, 0x6067, 0x6068, 0x6084, 0x6085, 0x6099, 0x609A, 0x60A8, 0x60A9, 0x60AA)
 HEAD = """[instruments.head]

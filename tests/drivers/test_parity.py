@@ -10,8 +10,8 @@ import pytest
 import serial
 from test_serial_line import Parrot, parrot
 
-from drivers.errors import BadReply
-from drivers.wires.parity import CheckedPort, opener
+from rig.drivers.errors import BadReply
+from rig.drivers.wires.parity import CheckedPort, opener
 
 
 def flags_of(fd: int) -> tuple[bool, ...]:

@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from drivers.clock import RealClock
-from drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
-from drivers.roles import OVERLOAD
-from drivers.scpi_meter import DescribedMeter
-from drivers.scpi_source import DescribedSource
-from drivers.wires import Wires
-from rig.bench import open_bench
-from rig.bench_file import check_options
-from rig.config import parse_bench
+from rig.bench.bench_file import check_options
+from rig.bench.config import parse_bench
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
+from rig.drivers.roles import OVERLOAD
+from rig.drivers.scpi_meter import DescribedMeter
+from rig.drivers.scpi_source import DescribedSource
+from rig.drivers.wires import Wires
+from rig.instruments.opening import open_bench
 from rig.simulated.dry_run import DryBench
 
 METER: dict[str, Any] = {

@@ -8,12 +8,12 @@ from typing import ClassVar
 import pytest
 from serial_bench import FakePlant, plug_in, wires
 
-from drivers.errors import BadReply
-from drivers.scpi import SYNC, Dialect, ScpiMeter, hp_dialect
-from drivers.wires import SerialSettings
-from sims.twins.keysight_34401a import Keysight34401ATwin
-from sims.twins.scpi_syntax import Command, compiled
-from sims.world import World
+from rig.drivers.errors import BadReply
+from rig.drivers.scpi import SYNC, Dialect, ScpiMeter, hp_dialect
+from rig.drivers.wires import SerialSettings
+from rig.sims.twins.keysight_34401a import Keysight34401ATwin
+from rig.sims.twins.scpi_syntax import Command, compiled
+from rig.sims.world import World
 
 
 class ForeignTwin(Keysight34401ATwin):

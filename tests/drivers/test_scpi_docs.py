@@ -10,15 +10,15 @@ from pathlib import Path
 import pytest
 from command import rig
 
-from drivers.driver import DriverClass
-from drivers.roles import Reader, Source
-from drivers.scpi_meter import DescribedMeter
-from drivers.scpi_source import DescribedSource
-from rig.bench import open_bench
-from rig.bench_file import check_options
-from rig.config import parse_bench
+from rig.bench.bench_file import check_options
+from rig.bench.config import parse_bench
+from rig.drivers.driver import DriverClass
+from rig.drivers.roles import Reader, Source
+from rig.drivers.scpi_meter import DescribedMeter
+from rig.drivers.scpi_source import DescribedSource
+from rig.instruments.opening import open_bench
+from rig.sims.serve import toml
 from rig.simulated.dry_run import DryBench
-from sims.serve import toml
 
 TEXT = (Path(__file__).parents[2] / "docs" / "how_to" / "scpi.md").read_text(encoding="utf-8")
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from drivers.keysight_34401a import Keysight34401A
-from drivers.keysight_34970a import Keysight34970A
-from drivers.newport_esp301 import NewportESP301
+from rig.drivers.keysight_34401a import Keysight34401A
+from rig.drivers.keysight_34970a import Keysight34970A
+from rig.drivers.newport_esp301 import NewportESP301
 
 TEXT = (Path(__file__).parents[2] / "docs" / "reference" / "instruments.md").read_text(encoding="utf-8")
 

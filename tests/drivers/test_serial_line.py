@@ -15,11 +15,11 @@ import serial
 from serial.rfc2217 import PortManager
 from serial_bench import Recorder, plug_in
 
-from drivers.clock import RealClock
-from drivers.errors import BadReply, NoReply, Unreachable
-from drivers.wires import SerialLine, SerialSettings, Wires
-from sims.wires.serial_line import find
-from sims.world import World
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import BadReply, NoReply, Unreachable
+from rig.drivers.wires import SerialLine, SerialSettings, Wires
+from rig.sims.wires.serial_line import find
+from rig.sims.world import World
 
 
 class Parrot:

@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from serial_bench import FakePlant
 
-from sims.twins.keysight_34401a import Keysight34401ATwin
-from sims.twins.keysight_34970a import Keysight34970ATwin
-from sims.twins.newport_esp301 import NewportESP301Twin
-from sims.world import World
+from rig.sims.twins.keysight_34401a import Keysight34401ATwin
+from rig.sims.twins.keysight_34970a import Keysight34970ATwin
+from rig.sims.twins.newport_esp301 import NewportESP301Twin
+from rig.sims.world import World
 
 ESP301 = (
     NewportESP301Twin,

@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 import pyvisa
 
-from drivers.clock import RealClock
-from drivers.errors import NoReply, Unreachable
-from drivers.keysight_34401a import Keysight34401A
-from drivers.wires import SerialSettings, Wires
-from drivers.wires.visa_address import VisaAddress
-from rig.bench import open_bench
-from rig.bench_file import check_options
-from rig.config import parse_bench
+from rig.bench.bench_file import check_options
+from rig.bench.config import parse_bench
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import NoReply, Unreachable
+from rig.drivers.keysight_34401a import Keysight34401A
+from rig.drivers.wires import SerialSettings, Wires
+from rig.drivers.wires.visa_address import VisaAddress
 from rig.errors import ConfigurationError
-from rig.locks import wire_of
+from rig.instruments.locks import wire_of
+from rig.instruments.opening import open_bench
 from rig.simulated.dry_run import DryBench
 from rig.unattended.doctor.addresses import check_addresses
 from rig.unattended.service import ServiceUnit
@@ -171,13 +171,13 @@ def test_settings_of_a_serial_line_are_refused_with_the_bench_file(more, says):
 WITHOUT = """
 import sys
 sys.modules["pyvisa"] = sys.modules["pyvisa_py"] = None
-from rig.bench import open_bench
-from rig.bench_file import check_options
-from rig.config import parse_bench
+from rig.instruments.opening import open_bench
+from rig.bench.bench_file import check_options
+from rig.bench.config import parse_bench
 from rig.simulated.dry_run import DryBench
-from drivers.clock import RealClock
-from drivers.errors import Unreachable
-from drivers.wires import SerialSettings, Wires
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import Unreachable
+from rig.drivers.wires import SerialSettings, Wires
 config = parse_bench(sys.argv[1], "bench.toml")
 check_options(config, "bench.toml")
 dry = DryBench(config, {})

@@ -8,11 +8,11 @@ from buses import REGISTER_MAP, assert_documented, oven
 from pydantic import ValidationError
 from pymodbus.client import ModbusTcpClient
 
-from drivers.errors import BadReply, InstrumentError, LimitError, WrongInstrument
-from drivers.watlow_f4t import WatlowF4T
-from drivers.wires import Wires
-from sims.wires.modbus_line import ModbusCable
-from sims.wires.modbus_slave import Refused
+from rig.drivers.errors import BadReply, InstrumentError, LimitError, WrongInstrument
+from rig.drivers.watlow_f4t import WatlowF4T
+from rig.drivers.wires import Wires
+from rig.sims.wires.modbus_line import ModbusCable
+from rig.sims.wires.modbus_slave import Refused
 
 WITHOUT_MORE = re.sub(r"(?ms)^(limit_\w+ = .*?$|\[cascade\].*?(?=^\[))", "", REGISTER_MAP)
 """The map of a controller without cascades and limit controllers."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from buses import Simulated, oven
 
-from drivers.errors import BadReply, NotReady
-from drivers.watlow_f4t import WatlowF4T
-from drivers.wires.modbus import words_of_float
-from sims.twins.watlow_f4t import WatlowF4TTwin
+from rig.drivers.errors import BadReply, NotReady
+from rig.drivers.watlow_f4t import WatlowF4T
+from rig.drivers.wires.modbus import words_of_float
+from rig.sims.twins.watlow_f4t import WatlowF4TTwin
 
 Oven = Simulated[WatlowF4T, WatlowF4TTwin]
 

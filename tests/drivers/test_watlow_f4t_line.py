@@ -14,20 +14,20 @@ from typing import cast
 import pytest
 from buses import REGISTER_MAP
 
-from drivers.clock import Clock, RealClock, ScaledClock
-from drivers.errors import NoReply
-from drivers.roles import Chamber, Reader
-from drivers.watlow_f4t import WatlowF4T
-from drivers.wires import Wires
 from proving.crashes.kills import rig
-from rig.bench import Bench, identities, open_bench
-from rig.bench_file import check_options
-from rig.config import BenchConfig, parse_bench
+from rig.bench.bench_file import check_options
+from rig.bench.config import BenchConfig, parse_bench
+from rig.drivers.clock import Clock, RealClock, ScaledClock
+from rig.drivers.errors import NoReply
+from rig.drivers.roles import Chamber, Reader
+from rig.drivers.watlow_f4t import WatlowF4T
+from rig.drivers.wires import Wires
+from rig.instruments.opening import Bench, identities, open_bench
+from rig.sims.physics import Plant
+from rig.sims.twins.watlow_f4t import WatlowF4TTwin
+from rig.sims.wires.modbus_slave import RtuSlave, crc16
+from rig.sims.world import World
 from rig.simulated.dry_run import DryBench
-from sims.physics import Plant
-from sims.twins.watlow_f4t import WatlowF4TTwin
-from sims.wires.modbus_slave import RtuSlave, crc16
-from sims.world import World
 
 TWO_CHAMBERS = """
 name = "two-chambers"

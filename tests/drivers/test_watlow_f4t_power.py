@@ -8,7 +8,7 @@ import pytest
 from buses import oven
 from dry import LAB, dry
 
-from drivers.errors import BadReply, NotReady
+from rig.drivers.errors import BadReply, NotReady
 from rig.run_file.reader import RunReader
 from rig.simulated.dry_run import DryBench
 

@@ -8,15 +8,15 @@ from typing import Any, Literal
 import pytest
 from buses import REGISTER_MAP, Simulated, oven
 
-from drivers.errors import BadReply
-from drivers.watlow_f4t import WatlowF4T
-from drivers.wires import Wires
-from rig.bench_file import check_options
-from rig.config import parse_bench
+from rig.bench.bench_file import check_options
+from rig.bench.config import parse_bench
+from rig.drivers.errors import BadReply
+from rig.drivers.watlow_f4t import WatlowF4T
+from rig.drivers.wires import Wires
 from rig.errors import ConfigurationError
+from rig.sims.twins.watlow_f4t import WatlowF4TTwin
+from rig.sims.wires.modbus_line import ModbusCable, ModbusEndpoint
 from rig.simulated.dry_run import DryBench
-from sims.twins.watlow_f4t import WatlowF4TTwin
-from sims.wires.modbus_line import ModbusCable, ModbusEndpoint
 
 OLD_MAP = re.sub(r"(?m)^modbus_units_\w+ = .*?$", "", REGISTER_MAP)
 """The map of a controller whose firmware has no Modbus unit of its own."""

@@ -21,7 +21,7 @@ from few_points import (
 from ideal_bench import PROCEDURE, new_run, run_session
 from test_policies import in_an_enclosure
 
-from drivers.errors import NoReply
+from rig.drivers.errors import NoReply
 from rig.engine.early_warning import EarlyWarnings, Warned
 from rig.engine.session import Outcome
 from rig.run_file.writer import RunWriter

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from command import rig
 
-from procedures.attitude.fit import fit_attitude
 from proving.truth.attitude import D1, Bench, Sensor, simulate
+from rig.procedures.attitude.fit import fit_attitude
 from rig.tables import write_csv
 
 BENCH = Bench(sensors=(Sensor("x"),), sigma_deg=3e-4)

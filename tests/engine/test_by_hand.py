@@ -17,25 +17,25 @@ from ideal_bench import new_run, run_session
 from pydantic import ValidationError
 
 import rig
-from procedures.blocks import Line
-from procedures.by_hand import HandStep
-from procedures.fault_policies import ABORT
-from rig.controller import resume_run, start_run
 from rig.engine.by_hand import ByHand
 from rig.engine.session import Outcome, Progress, Signals
-from rig.plans import load_plan
-from rig.results.planned import plan
+from rig.procedures.plan.by_hand import HandStep
+from rig.procedures.plan.fault_policies import ABORT
+from rig.procedures.present.blocks import Line
 from rig.run_file.events.by_hand import AskedByHand, DoneByHand
 from rig.run_file.live import live_path, read_json, request_path
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
 from rig.run_file.state import read_state
+from rig.runs.controller import resume_run, start_run
+from rig.runs.plans import load_plan
+from rig.sims.physics import Plant
+from rig.sims.world import World
 from rig.tables import run_table
 from rig.unattended.happenings import Kind, RunFacts, from_record
 from rig.unattended.notify.message import compose
+from rig.verbs.plan.result import plan
 from rig.watch.words import state_now
-from sims.physics import Plant
-from sims.world import World
 
 PADS = {"say": "lock the pads.", "change": "pads-locked"}
 FORCE = {"say": "hang the 5 kN weight", "change": "weight", "value": "force_kN"}

@@ -12,16 +12,16 @@ import pytest
 from few_points import accepted, records
 from foreign_instruments import BENCH, PROCEDURE, Foreign
 
-from drivers.scpi_learned import PrintedForm, same_unit, unit_after
-from rig.bench import open_bench
-from rig.bench_file import check_options
-from rig.config import parse_bench
-from rig.controller import resume_run, start_run
+from rig.bench.bench_file import check_options
+from rig.bench.config import parse_bench
+from rig.drivers.scpi_learned import PrintedForm, same_unit, unit_after
 from rig.engine.session import Outcome, Signals
+from rig.instruments.opening import open_bench
 from rig.lost_digits import lost_digit
-from rig.plans import load_plan
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
+from rig.runs.controller import resume_run, start_run
+from rig.runs.plans import load_plan
 from rig.simulated.dry_run import DryBench
 from rig.tables import run_table
 

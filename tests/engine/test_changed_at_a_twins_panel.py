@@ -16,11 +16,11 @@ from dry_pressure import LAB as PRESSURE
 from dry_pressure import SHORT as PRESSURES
 from few_points import accepted, records
 
-from rig.controller import start_run
 from rig.engine.session import Outcome, Signals
-from rig.plans import load_plan
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
+from rig.runs.controller import start_run
+from rig.runs.plans import load_plan
 from rig.simulated import dry_run
 
 ANGLES = ANGLES.replace("replications = 2", "replications = 1").replace("[-120, 0, 120]", "[-120, 120]")

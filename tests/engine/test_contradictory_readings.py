@@ -16,12 +16,12 @@ from rig.cli import app
 from rig.engine.actions import BenchActions
 from rig.engine.measuring import Channel
 from rig.engine.session import Outcome
-from rig.own_scatter import ALARM, FEWEST, LOOK_BACK, Contradiction, OwnScatter
-from rig.results.planned import plan
+from rig.run_file.own_scatter import ALARM, FEWEST, LOOK_BACK, Contradiction, OwnScatter
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
 from rig.tables import Asked, read_any_csv, run_table
 from rig.tables.csv_files import read_csv
+from rig.verbs.plan.result import plan
 
 CASES = {
     "another sign": [10.0, -10.0, -10.0, -10.0, -10.0],

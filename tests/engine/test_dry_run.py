@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from dry import LAB, SHORT, dry, fingerprint, write_short
 
-from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
-from rig.plans import load_plan
 from rig.run_file.reader import RunReader
+from rig.runs.controller import resume_run, start_run
+from rig.runs.plans import load_plan
 from rig.tables import run_table
 
 

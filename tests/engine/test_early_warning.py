@@ -15,13 +15,13 @@ from command import rig
 from dry import SHORT, write_short
 from ideal_bench import PROCEDURE, new_run, run_session
 
-from procedures.attitude.settings import PitchRollProcedure
-from procedures.general.settings import GeneralProcedure
 from rig.engine.early_warning import EarlyWarnings, in_unit, warnings_of
 from rig.engine.response_statistics import ResponseTest
 from rig.engine.session import Outcome
 from rig.engine.warning_statistics import NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.examples import example
+from rig.procedures.attitude.settings import PitchRollProcedure
+from rig.procedures.general.settings import GeneralProcedure
 from rig.run_file.reader import RunReader
 
 LAB = example("attitude-lab")

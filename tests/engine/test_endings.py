@@ -17,10 +17,10 @@ import pytest
 from command import rig
 from test_hard_anything import LINE, LINE_PROCEDURE, LINE_WORLD
 
-from drivers.roles import Chamber, ChamberState, PressureController, PressureState, Reader, Source, SourceState
+from rig.bench.protection import SafetyConfig
 from rig.cli.status import check_code
+from rig.drivers.roles import Chamber, ChamberState, PressureController, PressureState, Reader, Source, SourceState
 from rig.engine.safe_state import outputs_on
-from rig.protection import SafetyConfig
 from rig.run_file.events.bench import MadeSafe
 from rig.run_file.state import RunState
 
@@ -76,7 +76,7 @@ def test_an_interruption_says_which_outputs_stay_on_and_at_what_value(tmp_path, 
 
 
 WELDED = """
-        import drivers.scpi_source as source
+        import rig.drivers.scpi_source as source
         def make_safe(self):
             raise RuntimeError("relay welded")
         source.DescribedSource.make_safe = make_safe

@@ -20,7 +20,7 @@ from rig.run_file.chain import Record, encode
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, fold
 from rig.run_file.writer import RunWriter
-from sims.world import World
+from rig.sims.world import World
 
 DAY, YEAR = 86400.0, 365.25 * 86400.0
 NOON = 1.8e9  # in 2027
@@ -179,7 +179,7 @@ def test_a_run_in_a_place_that_may_only_be_read_is_not_begun_again_and_the_way_o
     made = rig("run", write_small(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path, "--create-only")
     path = made.stdout.strip()
     closed = path if what == "file" else str(tmp_path)
-    monkeypatch.setattr("rig.disk_space.os.access", lambda place, how: not how & os.W_OK or str(place) != closed)
+    monkeypatch.setattr("rig.files.disk_space.os.access", lambda place, how: not how & os.W_OK or str(place) != closed)
     refused = rig("resume", path)
     assert refused.returncode == 2
     assert f"{closed} cannot be written to" in refused.stderr
@@ -190,7 +190,7 @@ def test_a_run_in_a_place_that_may_only_be_read_is_not_begun_again_and_the_way_o
 def test_a_full_disk_offers_a_new_run_another_folder_and_one_that_goes_on_a_copy(tmp_path, monkeypatch):
     arguments = (write_small(tmp_path), "-b", LAB / "bench.toml", "--dry", "--out", tmp_path)
     path = rig("run", *arguments, "--create-only").stdout.strip()
-    monkeypatch.setattr("rig.disk_space.needed_bytes", lambda _: 1 << 60)
+    monkeypatch.setattr("rig.files.disk_space.needed_bytes", lambda _: 1 << 60)
     begun, resumed = rig("run", *arguments), rig("resume", path)
     assert begun.returncode == resumed.returncode == 1
     assert "another folder with --out" in begun.stderr

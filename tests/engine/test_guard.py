@@ -11,23 +11,23 @@ import pytest
 from ideal_bench import CONFIG, PROCEDURE, ideal_bench, new_run, run_session
 from ideal_pressure_bench import PressureBench
 
-from drivers.errors import NoReply
-from drivers.roles import Chamber, Head, PressureController, Reader, Referenced, Restartable
-from rig.bench import driver_class, open_bench
-from rig.bench_file import check_options
-from rig.config import InstrumentConfig, parse_bench
+from rig.bench.bench_file import check_options
+from rig.bench.config import InstrumentConfig, parse_bench
+from rig.bench.protection import InterlockConfig, SafetyConfig
+from rig.drivers.errors import NoReply
+from rig.drivers.roles import Chamber, Head, PressureController, Reader, Referenced, Restartable
 from rig.engine.guard import Guard
 from rig.engine.safe_state import make_safe
 from rig.engine.session import Outcome
 from rig.errors import BenchFault, BusyError, ConfigurationError
 from rig.examples import example
-from rig.guarded import Refused, guarded
-from rig.locks import holders, locked_addresses, wire_of
-from rig.protection import InterlockConfig, SafetyConfig
+from rig.instruments.guarded import Refused, guarded
+from rig.instruments.locks import holders, locked_addresses, wire_of
+from rig.instruments.opening import driver_class, open_bench
 from rig.run_file.reader import RunReader
 from rig.run_file.writer import RunWriter
+from rig.sims.world import World
 from rig.simulated.dry_run import DryBench
-from sims.world import World
 
 ROLES = (Head, Reader, Chamber, PressureController, Restartable, Referenced)
 

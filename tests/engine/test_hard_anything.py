@@ -12,18 +12,18 @@ from command import rig
 from few_points import Killed, kill_where, records
 from general_lab import run_dry
 
-from drivers.roles import SourceState
-from procedures.run_list import Factor
 from rig.cli.progress import run_progress
-from rig.controller import resume_run
+from rig.drivers.roles import SourceState
 from rig.engine.actions import BenchActions
 from rig.engine.axes import SourceMover
 from rig.engine.session import Outcome, Progress, Signals
+from rig.procedures.plan.run_list import Factor
 from rig.run_file.events.bench import Fault
 from rig.run_file.events.by_hand import AskedToSet
 from rig.run_file.events.points import WholePlotBegan, WholePlotLost
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
+from rig.runs.controller import resume_run
 from rig.tables import run_table
 
 FIXTURE = (

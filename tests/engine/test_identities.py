@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from test_register import BENCH, GOOD
 
-from rig.closed_loop.identities import contradicted, not_told
-from rig.config import parse_bench
+from rig.bench.config import parse_bench
 from rig.register import parse_register
 from rig.run_file.events.sessions import Identified
+from rig.verbs.budget.identities import contradicted, not_told
 
 CONFIG = parse_bench(BENCH, "bench.toml")
 REGISTER = parse_register(GOOD, "equipment.toml")

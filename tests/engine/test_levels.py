@@ -10,13 +10,13 @@ import pytest
 from command import rig
 from test_set_in import BENCH, PROCEDURE, WORLD
 
-from procedures.run_list import Factor
-from rig.approach import Approach
-from rig.config import parse_bench
+from rig.bench.approach import Approach
+from rig.bench.config import parse_bench
 from rig.engine.axes import AxisReading
 from rig.engine.steered import Steered
 from rig.engine.steering import _next
 from rig.errors import ConfigurationError
+from rig.procedures.plan.run_list import Factor
 from rig.run_file.reader import RunReader
 from rig.tables.table_of_run import run_table
 

@@ -6,9 +6,9 @@ import random
 
 import pytest
 
-from procedures.attitude.settings import PitchRollProcedure
 from rig.engine.liveness import Liveness
 from rig.engine.measuring import Channel, Observation
+from rig.procedures.attitude.settings import PitchRollProcedure
 
 POINTS = (
     PitchRollProcedure.model_validate(

@@ -17,11 +17,11 @@ import ideal_bench
 import pytest
 from night_procedure import procedure
 
-from procedures.attitude.settings import PitchRollProcedure
-from procedures.pressure.settings import WholePlotProcedure
-from procedures.run_list import Factor, Point, RunList, rows_sha256
 from rig.engine.queue import PointQueue
 from rig.engine.session import Outcome, Signals
+from rig.procedures.attitude.settings import PitchRollProcedure
+from rig.procedures.plan.run_list import Factor, Point, RunList, rows_sha256
+from rig.procedures.pressure.settings import WholePlotProcedure
 from rig.run_file.chain import GENESIS, Record, followed, link
 from rig.run_file.creation import Genesis, create
 from rig.run_file.indexes import IndexCounts, IndexSet
@@ -329,7 +329,7 @@ def lines_of_some_points(folder: Path, points: int, some: int) -> int:
     folder.mkdir()
     path = ideal_bench.new_run(folder, long_procedure(points))
     signals, lines = Signals(), 0
-    own = tuple(str(Path(__file__).parents[2] / part) for part in ("rig", "procedures"))
+    own = str(Path(__file__).parents[2] / "rig")
 
     def count(frame: FrameType, what: str, _: Any) -> Any:
         nonlocal lines

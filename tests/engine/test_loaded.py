@@ -18,13 +18,21 @@ with contextlib.suppress(SystemExit):
     main()
 print(*sys.modules)
 """
-SHORT = "import rig.forecast; rig.forecast.REHEARSED_WITH_SOAKS = rig.forecast.REHEARSED = 1" + COMMAND
-NEVER = ("scipy.stats", "scipy.optimize", "matplotlib", "jinja2", "fitter.trace", "fitter.effects", "rig.report")
-NEVER += ("rig.tables", "rig.certificate", "rig.closed_loop", "rig.watch", "procedures.general")
-OF_ATTITUDE = ("drivers.newport_esp301", "sims.twins.newport_esp301", "procedures.attitude")
-OF_PRESSURE = ("drivers.druck_pace", "sims.twins.druck_pace", "procedures.pressure")
-OF_TRACES = ("procedures.attitude.effects", "procedures.attitude.evaluate", "procedures.attitude.report")
-OF_TRACES += ("procedures.pressure.effects", "procedures.pressure.evaluate", "procedures.pressure.trace")
+SHORT = "import rig.runs.forecast; rig.runs.forecast.REHEARSED_WITH_SOAKS = rig.runs.forecast.REHEARSED = 1" + COMMAND
+NEVER = (
+    "scipy.stats",
+    "scipy.optimize",
+    "matplotlib",
+    "jinja2",
+    "rig.fitter.trace",
+    "rig.fitter.effects",
+    "rig.verbs.write_page",
+)
+NEVER += ("rig.tables", "rig.verbs.certificate", "rig.by_kind", "rig.watch", "rig.procedures.general")
+OF_ATTITUDE = ("rig.drivers.newport_esp301", "rig.sims.twins.newport_esp301", "rig.procedures.attitude")
+OF_PRESSURE = ("rig.drivers.druck_pace", "rig.sims.twins.druck_pace", "rig.procedures.pressure")
+OF_TRACES = ("rig.procedures.attitude.effects", "rig.procedures.attitude.evaluate", "rig.procedures.attitude.report")
+OF_TRACES += ("rig.procedures.pressure.effects", "rig.procedures.pressure.evaluate", "rig.procedures.pressure.trace")
 
 
 def loaded(*command: object, code: str = COMMAND) -> list[str]:
@@ -60,25 +68,31 @@ def night(tmp_path_factory):
 
 
 def test_a_run_loads_nothing_of_results(night):
-    assert not of((*NEVER, *OF_PRESSURE, *OF_TRACES, "rig.results"), night[1])
+    assert not of((*NEVER, *OF_PRESSURE, *OF_TRACES, "rig.verbs"), night[1])
 
 
 @pytest.mark.parametrize("command", ["status", "fit", "trace", "verify"])
 def test_what_reads_a_run_loads_no_bench(night, command):
     found = loaded(command, night[0])
     assert not of(
-        ("rig.controller", "rig.engine.sequencer", "rig.simulated", "sims", "scipy.stats", "matplotlib"), found
+        ("rig.runs.controller", "rig.engine.sequencer", "rig.simulated", "rig.sims", "scipy.stats", "matplotlib"), found
     )
 
 
 def test_a_fit_loads_no_code_of_traces_and_of_procedures(night):
     found = loaded("fit", night[0])
     assert not of(
-        (*OF_TRACES, "procedures.attitude.trace", "procedures.attitude.settings", "procedures.general.settings"), found
+        (
+            *OF_TRACES,
+            "rig.procedures.attitude.trace",
+            "rig.procedures.attitude.settings",
+            "rig.procedures.general.settings",
+        ),
+        found,
     )
 
 
 def test_a_fit_of_whole_plots_loads_no_code_of_traces():
     found = loaded("fit", DATA / "pressure-20261121.sqlite")
-    assert not of((*OF_TRACES, "procedures.attitude.fit", "procedures.pressure.settings"), found)
-    assert "procedures.pressure.fitted" in found
+    assert not of((*OF_TRACES, "rig.procedures.attitude.fit", "rig.procedures.pressure.settings"), found)
+    assert "rig.procedures.pressure.fitted" in found

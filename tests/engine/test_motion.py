@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from procedures.run_list import Factor, Point
 from rig.engine.motion import Arrival, arrived, plan_legs, recovery_legs
+from rig.procedures.plan.run_list import Factor, Point
 
 FACTORS = (Factor("pitch_deg", "pitch", 2.0), Factor("roll_deg", "roll", 2.0))
 

@@ -16,9 +16,9 @@ from command import rig
 from flow_bench import PROCEDURE, WORLD, run_of
 from scipy.integrate import solve_ivp
 
-from procedures.general.effects.scene import Stood
-from procedures.general.effects.time_columns import lagging
 from rig.engine.motion import delay_of_step
+from rig.procedures.general.effects.scene import Stood
+from rig.procedures.general.effects.time_columns import lagging
 from rig.tables.table_of_run import run_table
 
 

@@ -17,14 +17,14 @@ from flow_bench import BENCH, PROCEDURE, WORLD
 from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit
 
-from fitter.quantiles import t_limit
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.effects.scene import Stood
-from procedures.general.effects.time_columns import lagging
-from procedures.general.trace import search_table
-from procedures.general.trace.estimate import estimate
-from procedures.table import Table
 from rig.engine.measuring import spans_of
+from rig.fitter.quantiles import t_limit
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.effects.scene import Stood
+from rig.procedures.general.effects.time_columns import lagging
+from rig.procedures.general.trace import search_table
+from rig.procedures.general.trace.estimate import estimate
+from rig.procedures.tables.table import Table
 from rig.run_file.reader import RunReader
 from rig.tables.csv_files import read_csv
 from rig.tables.own_times import keep_those_that_differ, own_times

@@ -13,25 +13,25 @@ from command import rig
 from ideal_bench import CONFIG, PROCEDURE, new_run, run_session
 from ideal_pressure_bench import EACH, IN_ALL, PressureBench
 
-from drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
-from drivers.roles import ChamberState, Identity
-from procedures.attitude.settings import PitchRollProcedure
-from procedures.fault_policies import HeadFaults, Step, step_at
-from procedures.pressure.settings import WholePlotFaults
-from procedures.words import incomplete
-from rig.bench import open_bench
-from rig.bench_file import check_options
-from rig.config import parse_bench, parse_procedure
+from rig.bench.bench_file import check_options
+from rig.bench.config import parse_bench, parse_procedure
+from rig.drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
+from rig.drivers.roles import ChamberState, Identity
 from rig.engine.actions import BenchActions
 from rig.engine.axes import Axes, HeadMover
 from rig.engine.guard import Guard
 from rig.engine.session import Outcome
 from rig.errors import ConfigurationError
 from rig.examples import example
-from rig.report.frame import story
+from rig.instruments.opening import open_bench
+from rig.procedures.attitude.settings import PitchRollProcedure
+from rig.procedures.plan.fault_policies import HeadFaults, Step, step_at
+from rig.procedures.present.words import incomplete
+from rig.procedures.pressure.settings import WholePlotFaults
 from rig.run_file.reader import RunReader
 from rig.simulated.dry_run import DryBench
 from rig.tables import run_table
+from rig.verbs.page import story
 
 POINTS = 18
 
@@ -473,7 +473,7 @@ def in_an_enclosure(monkeypatch, procedure=PROCEDURE, **environment):
 def test_the_point_in_hand_is_not_lost_where_a_hold_ends_in_a_new_preparation(tmp_path, monkeypatch):
     box, procedure = in_an_enclosure(monkeypatch)
     path, ticks = new_run(tmp_path), itertools.count()
-    monkeypatch.setattr("sims.world.World.stopwatch", lambda _self: float(next(ticks)))  # requests are seen at once
+    monkeypatch.setattr("rig.sims.world.World.stopwatch", lambda _self: float(next(ticks)))  # requests are seen at once
 
     def disturbed(news):
         box.offset = 5.0 if news.state == "holding" else 0.0

@@ -9,7 +9,7 @@ import pytest
 from ideal_bench import PROCEDURE, new_run, run_session
 from transitions import MachineError
 
-from drivers.errors import InstrumentError, NoReply
+from rig.drivers.errors import InstrumentError, NoReply
 from rig.engine.session import Outcome, Signals
 from rig.engine.states import TRANSITIONS, Moves, State, machine
 from rig.errors import ExitCode, NotSafe, StorageError

@@ -13,13 +13,13 @@ import pytest
 from command import rig
 from flow_bench import BENCH, PROCEDURE
 
-from rig.config import parse_bench, parse_toml
+from rig.bench.config import parse_bench, parse_toml
 from rig.errors import ConfigurationError
+from rig.sims.physics.laboratory import Laboratory
+from rig.sims.physics.thermal import Lab
+from rig.sims.physics.truth import LabTruth, read_truth, sensor_axes
 from rig.tables.set_in import put_in_place
 from rig.tables.table_of_run import run_table
-from sims.physics.laboratory import Laboratory
-from sims.physics.thermal import Lab
-from sims.physics.truth import LabTruth, read_truth, sensor_axes
 
 STANDARD = """
 [instruments.coriolis]

@@ -14,20 +14,20 @@ from certificate_lab import ISSUED, REGISTER, settled, stand
 from command import rig
 from general_lab import BENCH, CHAMBER, PROCEDURE, WORLD, written
 
-from rig.certificate.as_dcc import dcc
-from rig.certificate.document import Document
-from rig.certificate.layout import sections
-from rig.certificate.numbers import plain
-from rig.closed_loop.budget import checked_run
-from rig.config import parse_bench
+from rig.bench.config import parse_bench
 from rig.dcc.reader import parsed
 from rig.errors import ConfigurationError, ExitCode
-from rig.plans import load_plan
 from rig.register import Told, check_register, check_surroundings, holds_of, parse_register
-from rig.results import foreseen
-from rig.results.certificate import Asked, Refused, make
-from rig.results.certified_runs import read_run
-from rig.results.planned import plan
+from rig.runs.plans import load_plan
+from rig.verbs.budget.evaluation import checked_run
+from rig.verbs.certificate.as_dcc import dcc
+from rig.verbs.certificate.document import Document
+from rig.verbs.certificate.layout import sections
+from rig.verbs.certificate.numbers import plain
+from rig.verbs.certificate.result import Asked, Refused, make
+from rig.verbs.certificate.runs import read_run
+from rig.verbs.plan import foreseen
+from rig.verbs.plan.result import plan
 from rig.watch.feed import _temperatures
 
 pytest.importorskip("typst")

@@ -6,13 +6,13 @@ import general_lab as lab
 import numpy as np
 import pytest
 
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.planning import advice
-from procedures.general.settings import GeneralProcedure
-from procedures.general.swept import functions_alike, swept
-from procedures.general.trace import family, trace_general
-from procedures.table import Table
-from rig.config import parse_procedure
+from rig.bench.config import parse_procedure
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.planning import advice
+from rig.procedures.general.settings import GeneralProcedure
+from rig.procedures.general.swept import functions_alike, swept
+from rig.procedures.general.trace import family, trace_general
+from rig.procedures.tables.table import Table
 
 N = 30
 TIME = 60.0 * np.arange(N)

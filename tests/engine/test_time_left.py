@@ -10,13 +10,13 @@ import pytest
 from command import rig
 from few_sensors import with_sensors
 
-from rig.config import parse_toml
-from rig.controller import resume_run, start_run
+from rig.bench.config import parse_toml
 from rig.engine.session import Outcome, Progress, Signals
 from rig.examples import example
-from rig.forecast import rehearse
-from rig.plans import Plan, load_plan, plan_of
-from rig.toml_text import toml_text
+from rig.files.toml_text import toml_text
+from rig.runs.controller import resume_run, start_run
+from rig.runs.forecast import rehearse
+from rig.runs.plans import Plan, load_plan, plan_of
 
 WITHIN = 0.05
 """Of the whole time."""

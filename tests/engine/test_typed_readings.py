@@ -25,22 +25,22 @@ from general_lab import (
 )
 from test_by_hand import Answers
 
-from rig.config import parse_bench, parse_procedure
-from rig.controller import resume_run, start_run
+from rig.bench.config import parse_bench, parse_procedure
+from rig.bench.typed import TypedColumn, typed_columns
 from rig.engine.read_by_hand import ReadByHand
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
-from rig.plans import load_plan
 from rig.run_file.events.points import Observed
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
 from rig.run_file.state import read_state
+from rig.runs.controller import resume_run, start_run
+from rig.runs.plans import load_plan
+from rig.sims.serve import Hands
 from rig.tables import run_table
-from rig.typed import TypedColumn, typed_columns
 from rig.unattended.happenings import RunFacts, from_record
 from rig.unattended.notify.message import compose
 from rig.watch.words import state_now
-from sims.serve import Hands
 
 DIAL = """reads = { dial = "bar" }
 resolution = { dial = 0.02 }

@@ -16,12 +16,12 @@ from small_run import write_small
 from rig.engine.session import Outcome, Signals
 from rig.engine.time_left import typical_s
 from rig.errors import ConfigurationError
-from rig.plans import load_plan, stored_plan
 from rig.run_file.creation import Genesis, create
 from rig.run_file.last_word import head_path
 from rig.run_file.live import replace_json, request_path
 from rig.run_file.reader import RunReader
 from rig.run_file.writer import RunWriter
+from rig.runs.plans import load_plan, stored_plan
 from rig.version import versions
 
 
@@ -41,7 +41,7 @@ def edited(path, statement="UPDATE record SET utc_s = utc_s + 1 WHERE seq = 9"):
 def stopped(path, monkeypatch):
     """A run that `rig stop` has stopped at its third point."""
     ticks = iter(range(10**9))
-    monkeypatch.setattr("sims.world.World.stopwatch", lambda _self: float(next(ticks)))
+    monkeypatch.setattr("rig.sims.world.World.stopwatch", lambda _self: float(next(ticks)))
 
     def progress(told):
         if told.done == 3:
@@ -113,7 +113,7 @@ def test_status_of_a_whole_file_says_nothing_of_it_and_of_one_too_long_that_it_i
     path = run_to_its_end(tmp_path)
     assert json.loads(rig("status", path, "--json").stdout)["whole"] is True
     assert "verif" not in rig("status", path).stdout
-    monkeypatch.setattr("rig.results.status.VERIFIED", 5)
+    monkeypatch.setattr("rig.verbs.run.status.VERIFIED", 5)
     shown = rig("status", edited(path))
     assert shown.returncode == 0
     assert f"not verified, {RunReader.open(path).head()[0]} records need some time: rig verify" in shown.stdout

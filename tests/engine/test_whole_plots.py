@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from ideal_pressure_bench import EACH, IN_ALL, PROCEDURE, PressureBench, new_run, run_session
 
-from drivers.errors import NoReply
+from rig.drivers.errors import NoReply
 from rig.engine.session import Outcome, Signals
 from rig.run_file.reader import RunReader
 

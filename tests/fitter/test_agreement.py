@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from procedures.agreement import compared
-from procedures.inference import Inference
+from rig.procedures.evaluate.agreement import compared
+from rig.procedures.evaluate.inference import Inference
 
 
 def inference(values: dict[str, list[float]], *, sd: float = 0.1, df: float = np.inf) -> Inference:

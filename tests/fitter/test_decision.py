@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy import special
 
-from fitter.decision import (
+from rig.fitter.decision import (
     GuardBand,
     ProbabilityLimit,
     SharedRisk,
@@ -24,7 +24,7 @@ from fitter.decision import (
     guard_factor,
     normal_prior,
 )
-from fitter.errors import FitError
+from rig.fitter.errors import FitError
 
 UNIT = Tolerance(-1.0, 1.0)
 

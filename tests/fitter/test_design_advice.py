@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import special
 
-from fitter import RankError
-from procedures.attitude.advice import advise, design_points
-from procedures.attitude.merit import DesignPoints, Usage, compare, recommend, smallest_offset_drift
-from procedures.attitude.package_advice import Package, inferred_sd
-from procedures.attitude.settings import PitchRollProcedure
 from proving.truth.attitude import GRAVITY, Sensor, turn_pitch, turn_roll
+from rig.fitter import RankError
+from rig.procedures.attitude.advice import advise, design_points
+from rig.procedures.attitude.merit import DesignPoints, Usage, compare, recommend, smallest_offset_drift
+from rig.procedures.attitude.package_advice import Package, inferred_sd
+from rig.procedures.attitude.settings import PitchRollProcedure
 
 SEED = 20260512
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from published_designs import FIVES, LEVELS, SPLIT_D, dense_information, linear, quadratic
 
-from fitter.designs import Factor, advice, central_composite, evaluate, grid, optimal, plots_by_setting, to_range
-from fitter.errors import FitError
-from fitter.split_plot import plan_precision
+from rig.fitter.designs import Factor, advice, central_composite, evaluate, grid, optimal, plots_by_setting, to_range
+from rig.fitter.errors import FitError
+from rig.fitter.split_plot import plan_precision
 
 SEED = 20
 WHOLE_PLOTS = "{} left for the error between whole plots: add whole plots"

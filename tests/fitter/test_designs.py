@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from procedures.attitude.designs import Design, fraction, grid, roll_circle, tumble, uniform
-from procedures.attitude.orders import random_order, reversed_pass, walk
+from rig.procedures.attitude.designs import Design, fraction, grid, roll_circle, tumble, uniform
+from rig.procedures.attitude.orders import random_order, reversed_pass, walk
 
 
 @pytest.mark.parametrize(

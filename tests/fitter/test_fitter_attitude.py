@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fitter import RankError, least_squares
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.fit import fit_attitude
-from procedures.attitude.infer import calibrate_package
-from procedures.attitude.model import (
+from proving.truth.attitude import D1, Bench, Sensor, simulate
+from rig.fitter import RankError, least_squares
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.fit import fit_attitude
+from rig.procedures.attitude.infer import calibrate_package
+from rig.procedures.attitude.model import (
     COLUMNS,
     COLUMNS_NO_ROLL,
     attitude_columns,
@@ -23,7 +24,6 @@ from procedures.attitude.model import (
     sigma_deg,
     variance_function,
 )
-from proving.truth.attitude import D1, Bench, Sensor, simulate
 
 angles = st.floats(-180, 180)
 

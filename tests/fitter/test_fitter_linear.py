@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from nist import PROBLEMS
 
-from fitter import RankError, Triangle, least_squares
-from fitter.formula import Formula
-from fitter.linear import orthonormal
-from fitter.quantiles import f_limit, f_tail, t_limit, t_tail
+from rig.fitter import RankError, Triangle, least_squares
+from rig.fitter.formula import Formula
+from rig.fitter.linear import orthonormal
+from rig.fitter.quantiles import f_limit, f_tail, t_limit, t_tail
 
 
 def powers(x, degree):

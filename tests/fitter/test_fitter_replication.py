@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from fitter import least_squares
-from fitter.linear import CONDITION
-from fitter.misfit import lacks_fit
-from fitter.replication import Rows, _each_alone, analyse
-from fitter.sums_of_squares import FTest
-from procedures.attitude.fit import fit_attitude
-from procedures.attitude.model import attitude_columns
 from proving.truth.attitude import D1, Bench, Sensor, simulate
+from rig.fitter import least_squares
+from rig.fitter.linear import CONDITION
+from rig.fitter.misfit import lacks_fit
+from rig.fitter.replication import Rows, _each_alone, analyse
+from rig.fitter.sums_of_squares import FTest
+from rig.procedures.attitude.fit import fit_attitude
+from rig.procedures.attitude.model import attitude_columns
 
 X_ONLY = Bench(sensors=(Sensor("x"),))
 

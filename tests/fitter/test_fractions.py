@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from command import rig
 
-from procedures.attitude.fraction_advice import advised, sentence
-from procedures.attitude.fractions import MeasuredGrid, fit_part
-from procedures.attitude.fractions_compared import compare_fractions, family, nearest, tumble_of
-from procedures.attitude.settings import PitchRollProcedure
-from procedures.errors import DataError
-from procedures.table import Table
 from proving.statistics.fractions import PADS, table_of
 from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate
+from rig.procedures.attitude.fraction_advice import advised, sentence
+from rig.procedures.attitude.fractions import MeasuredGrid, fit_part
+from rig.procedures.attitude.fractions_compared import compare_fractions, family, nearest, tumble_of
+from rig.procedures.attitude.settings import PitchRollProcedure
+from rig.procedures.errors import DataError
+from rig.procedures.tables.table import Table
 from rig.tables import write_csv
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "how_to" / "fractions.md"

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from abscissa_examples import CUBIC_X, CUBIC_Y, SCIPY_X, SCIPY_Y
 
-from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.nonlinear import Distance, WrittenCurve, solve, solve_lowest
-from fitter.nonlinear.curve import Each
-from procedures.general.declared import Declared
-from procedures.general.fit import fit_general
-from procedures.general.models.named import NamedCurve, standard_models
-from procedures.general.rows import CurveRows
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
+from rig.fitter.nonlinear import Distance, WrittenCurve, solve, solve_lowest
+from rig.fitter.nonlinear.curve import Each
+from rig.procedures.general.declared import Declared
+from rig.procedures.general.fit import fit_general
+from rig.procedures.general.models.named import NamedCurve, standard_models
+from rig.procedures.general.rows import CurveRows
 from rig.tables import FileSource
 
 CUBIC = Formula.parse("1 + x + x^3")

@@ -9,8 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, special
 
-from fitter import RankError
-from procedures.attitude.merit import (
+from proving.paper.closed_forms import T4_VARIANCE, T6_VARIANCE, d1_no_roll_variance, d1_variance
+from proving.truth.attitude import GRAVITY, Sensor, turn_pitch, turn_roll
+from rig.fitter import RankError
+from rig.procedures.attitude.merit import (
     DesignPoints,
     Usage,
     compare,
@@ -22,8 +24,6 @@ from procedures.attitude.merit import (
     visibility,
     worst_variance,
 )
-from proving.paper.closed_forms import T4_VARIANCE, T6_VARIANCE, d1_no_roll_variance, d1_variance
-from proving.truth.attitude import GRAVITY, Sensor, turn_pitch, turn_roll
 
 SEED = 20260419
 ROLL_64 = np.arange(64) * 360 / 64 - 180

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from scipy import special
 
-from fitter.budget import Correlation, Influence, TypeA, budgets, check, monte_carlo, simulate
-from fitter.budget.draws import standard_error, standard_errors, trials
-from fitter.budget.influence import checked
-from fitter.budget.monte_carlo import numerical_tolerance, shortest
-from fitter.errors import FitError
+from rig.fitter.budget import Correlation, Influence, TypeA, budgets, check, monte_carlo, simulate
+from rig.fitter.budget.draws import standard_error, standard_errors, trials
+from rig.fitter.budget.influence import checked
+from rig.fitter.budget.monte_carlo import numerical_tolerance, shortest
+from rig.fitter.errors import FitError
 
 
 def one(name: str, *sensitivities: float, df: float = inf, distribution: str = "normal") -> Influence:

@@ -13,13 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from nist import PROBLEMS, digits
 
-from fitter import Triangle, least_squares
-from fitter.arithmetic_text import parse_expression
-from fitter.double_double import DoubleDouble
-from fitter.formula import Formula
-from fitter.linear import CONDITION
-from fitter.refine import refine
-from procedures.general.fit import fit_general
+from rig.fitter import Triangle, least_squares
+from rig.fitter.arithmetic_text import parse_expression
+from rig.fitter.double_double import DoubleDouble
+from rig.fitter.formula import Formula
+from rig.fitter.linear import CONDITION
+from rig.fitter.refine import refine
+from rig.procedures.general.fit import fit_general
 from rig.tables import FileSource
 
 EVERY = pytest.mark.parametrize("problem", PROBLEMS.values(), ids=PROBLEMS.keys())
@@ -132,7 +132,7 @@ def test_polynomials_of_high_degree_are_those_of_exact_fractions(degree, conditi
 def test_more_rows_than_are_worth_it_are_left_as_they_are(monkeypatch):
     wampler = PROBLEMS["Wampler5"]
     names, columns = Formula.parse(wampler.model).columns(wampler.columns)
-    monkeypatch.setattr("fitter.linear.AFFORDABLE", columns.size)
+    monkeypatch.setattr("rig.fitter.linear.AFFORDABLE", columns.size)
     fit = least_squares(columns, wampler.columns["y"], names)
     plain = Triangle(names).add(columns, wampler.columns["y"]).solve()
     np.testing.assert_array_equal(fit.coefficients, plain.coefficients)

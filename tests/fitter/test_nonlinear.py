@@ -10,15 +10,15 @@ import pytest
 from command import rig
 from nist import digits
 
-from fitter import least_squares
-from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.linear import RankError
-from fitter.nonlinear import Weighted, WrittenCurve, solve
-from procedures.general.declared import Declared
-from procedures.general.fit import fit_general
-from procedures.general.infer import CurveCalibration, infer_curve
 from rig.errors import UsageError
+from rig.fitter import least_squares
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
+from rig.fitter.linear import RankError
+from rig.fitter.nonlinear import Weighted, WrittenCurve, solve
+from rig.procedures.general.declared import Declared
+from rig.procedures.general.fit import fit_general
+from rig.procedures.general.infer import CurveCalibration, infer_curve
 from rig.tables import FileSource
 
 FILE = Path(__file__).parents[1] / "reference" / "nist" / "nonlinear.json"

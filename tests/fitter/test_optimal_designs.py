@@ -23,8 +23,8 @@ from published_designs import (
 )
 from scipy.optimize import brentq
 
-from fitter.designs import Factor, evaluate, optimal, optimal_measure
-from fitter.errors import FitError
+from rig.fitter.designs import Factor, evaluate, optimal, optimal_measure
+from rig.fitter.errors import FitError
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "how_to" / "optimal_designs.md"
 SQUARE, CUBE = [LEVELS] * 2, [LEVELS] * 3

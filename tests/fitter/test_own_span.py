@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter import own_span
-from fitter.gross.rows import Rows
-from fitter.linear import orthonormal
-from fitter.own_span import Levels, OwnSpan
-from fitter.sums_of_squares import own_parameters
 from proving.truth.attitude import D1, Bench, simulate
+from rig.fitter import own_span
+from rig.fitter.gross.rows import Rows
+from rig.fitter.linear import orthonormal
+from rig.fitter.own_span import Levels, OwnSpan
+from rig.fitter.sums_of_squares import own_parameters
 
 N, N_REP, N_GROUP = 400, 5, 60
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from procedures.attitude.trace import SensorTrace, trace
 from proving.truth.attitude import Bench, Plan, Sensor, simulate
+from rig.procedures.attitude.trace import SensorTrace, trace
 
 BENCH = Bench(sensors=(Sensor("x"),))
 SMALL = Plan(np.linspace(-30.0, 30.0, 13), np.linspace(-180.0, 180.0, 7), replications=4)

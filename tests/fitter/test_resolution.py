@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter.resolution import least_sd, resolution, robust_sd
-from procedures.attitude.trace.outliers import outliers
-from procedures.general.column_roles import Roles
-from procedures.general.evaluate import trace_general_table
-from procedures.general.gross import of_table
-from procedures.general.trace.robust import excess, scale
-from procedures.pressure.fit import named_formula
 from proving.truth.attitude import D1, Bench
 from proving.truth.attitude import simulate as attitude
 from proving.truth.whole_plot import simulate as whole_plots
+from rig.fitter.resolution import least_sd, resolution, robust_sd
+from rig.procedures.attitude.trace.outliers import outliers
+from rig.procedures.general.column_roles import Roles
+from rig.procedures.general.evaluate import trace_general_table
+from rig.procedures.general.gross import of_table
+from rig.procedures.general.trace.robust import excess, scale
+from rig.procedures.pressure.fit import named_formula
 from rig.tables import FileSource, write_csv
 
 SDS = (0.3, 0.5, 1.0)
@@ -113,8 +113,8 @@ def test_rounded_readings_of_attitude_are_no_outliers(sd):
 
 @pytest.mark.parametrize("sd", SDS)
 def test_rounded_readings_of_whole_plots_are_no_outliers(sd):
-    from procedures.pressure.gross import of_whole_plots  # noqa: PLC0415
-    from procedures.pressure.trace.run import trace_whole_plots  # noqa: PLC0415
+    from rig.procedures.pressure.gross import of_whole_plots  # noqa: PLC0415
+    from rig.procedures.pressure.trace.run import trace_whole_plots  # noqa: PLC0415
 
     data = whole_plots(seed=9)
     step = 0.0049 / sd

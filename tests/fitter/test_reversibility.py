@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from procedures.attitude.budget import AttitudeEvaluation
-from procedures.attitude.budget_traced import TracedEvaluation
-from procedures.attitude.data import AttitudeData
-from procedures.pressure.budget import PressureEvaluation
-from procedures.pressure.data import WholePlotData
+from rig.procedures.attitude.budget import AttitudeEvaluation
+from rig.procedures.attitude.budget_traced import TracedEvaluation
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.pressure.budget import PressureEvaluation
+from rig.procedures.pressure.data import WholePlotData
 
 RISING = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
 TEMPERATURES = [(-20, -20), (60, -20), (-20, 60), (60, 60), (20, 20), (20, -20), (20, 60), (-20, 20), (60, 20)]

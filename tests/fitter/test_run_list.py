@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from night_procedure import procedure
 
-from rig.config import parse_procedure
+from rig.bench.config import parse_procedure
 from rig.errors import ConfigurationError
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from procedures.attitude.budget import AttitudeEvaluation
-from procedures.general.budget import GeneralEvaluation, general_evaluation
-from procedures.influences import explain
-from procedures.scatter import scatter
-from procedures.stated import PlaceConstant, Stated, Statements
-from procedures.table import Table
 from proving.truth.attitude import D1, Bench, simulate
+from rig.procedures.attitude.budget import AttitudeEvaluation
+from rig.procedures.evaluate.influences import explain
+from rig.procedures.evaluate.scatter import scatter
+from rig.procedures.evaluate.stated import PlaceConstant, Stated, Statements
+from rig.procedures.general.budget import GeneralEvaluation, general_evaluation
+from rig.procedures.tables.table import Table
 
 FORCE = np.tile(np.linspace(0.0, 10.0, 9), 3)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitter.trace.flexible import waves
-from fitter.trace.shape import Axis, Seen, nearest_sentence, shape_of, smoothed, standing_for
+from rig.fitter.trace.flexible import waves
+from rig.fitter.trace.shape import Axis, Seen, nearest_sentence, shape_of, smoothed, standing_for
 
 N, LEVELS = 300, 15
 

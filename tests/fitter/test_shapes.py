@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy import special
 
-from fitter.budget import EXCESS, Correlation, Influence, TypeA, budgets, combine, coverage_factor, shape_factor
-from fitter.budget.draws import standard_error
-from fitter.errors import FitError
+from rig.fitter.budget import EXCESS, Correlation, Influence, TypeA, budgets, combine, coverage_factor, shape_factor
+from rig.fitter.budget.draws import standard_error
+from rig.fitter.errors import FitError
 
 
 def one(name: str, u: float, distribution: str = "normal", df: float = inf) -> Influence:

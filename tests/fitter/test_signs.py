@@ -11,23 +11,23 @@ import pytest
 from command import rig
 from test_confirm import make, run
 
-from fitter.confirm import Member
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.evaluate import trace_attitude_table
-from procedures.attitude.fit import fit_all
-from procedures.attitude.fitted import fit_attitude_table
-from procedures.attitude.infer import AttitudeCalibration, calibrate_package, infer_attitude
-from procedures.attitude.options import FitOptions
-from procedures.attitude.trace import Trace, trace
-from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.trace import trace_whole_plots
-from procedures.table import Table
 from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate
 from proving.truth.attitude_hidden import HIDDEN
 from proving.truth.whole_plot import Bench as PressureBench
 from proving.truth.whole_plot import Transducer
 from proving.truth.whole_plot import simulate as simulate_pressure
-from rig.closed_loop.confirm import (
+from rig.fitter.confirm import Member
+from rig.procedures.attitude.effects import CATALOGUE
+from rig.procedures.attitude.evaluate import trace_attitude_table
+from rig.procedures.attitude.fit import fit_all
+from rig.procedures.attitude.fitted import fit_attitude_table
+from rig.procedures.attitude.infer import AttitudeCalibration, calibrate_package, infer_attitude
+from rig.procedures.attitude.options import FitOptions
+from rig.procedures.attitude.trace import Trace, trace
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
+from rig.procedures.pressure.trace import trace_whole_plots
+from rig.procedures.tables.table import Table
+from rig.verbs.confirm import (
     Confirmed,
     First,
     consider,
@@ -38,7 +38,7 @@ from rig.closed_loop.confirm import (
     propose,
     sentences,
 )
-from rig.closed_loop.confirm.calibration import with_confirmed
+from rig.verbs.confirm.calibration import with_confirmed
 
 X = Sensor("x")
 TILTED = Plan(np.linspace(-30.0, 30.0, 25), np.zeros(1), replications=8)

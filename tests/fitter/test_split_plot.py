@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from split_plot_cases import NAMES, broken, chamber, dense_log_likelihood, dense_score, design
 
-from fitter import RankError, least_squares
-from fitter.split_plot import SplitPlotDesign, fit_split_plot, plan_precision
-from fitter.split_plot.kenward_roger import selection
-from fitter.split_plot.profile import Profile
+from rig.fitter import RankError, least_squares
+from rig.fitter.split_plot import SplitPlotDesign, fit_split_plot, plan_precision
+from rig.fitter.split_plot.kenward_roger import selection
+from rig.fitter.split_plot.profile import Profile
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from split_plot_cases import NAMES, chamber, dense_log_likelihood, dense_score, design
 
-from fitter.split_plot import SplitPlotDesign, fit_split_plot, plan_precision
+from rig.fitter.split_plot import SplitPlotDesign, fit_split_plot, plan_precision
 
 SEEDS = st.integers(0, 2**32 - 1)
 POOLINGS = (

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from split_plot_cases import OATS, cases
 
-from fitter.split_plot import fit_split_plot
+from rig.fitter.split_plot import fit_split_plot
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "split_plot.json").read_text())["cases"]
 NESTED = {"oats", "nested", "nested_broken"}

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fitter.strata import Strata, strata
-from procedures.general.budget import general_evaluation
-from procedures.influences import influences
-from procedures.stated import Statements
-from procedures.table import Table
+from rig.fitter.strata import Strata, strata
+from rig.procedures.evaluate.influences import influences
+from rig.procedures.evaluate.stated import Statements
+from rig.procedures.general.budget import general_evaluation
+from rig.procedures.tables.table import Table
 
 SERIES = np.concatenate([np.arange(11.0), np.arange(9.0, -1.0, -1.0)])
 FORCE, REPLICATE = np.tile(SERIES, 3), np.repeat([0, 1, 2], 21)

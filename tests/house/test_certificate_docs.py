@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from command import rig
 
-from rig.certificate.settings import CertificateSettings, read_settings
 from rig.examples import example
+from rig.verbs.certificate.settings import CertificateSettings, read_settings
 
 pytest.importorskip("typst")
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "how_to" / "certificate.md").read_text(encoding="utf-8")

@@ -5,14 +5,14 @@ import sys
 
 import numpy as np
 
-from fitter.sums_of_squares import off
+from rig.fitter.sums_of_squares import off
 
 IMPORT = """
 import sys
-import fitter
-from fitter.lean_scipy import UNUSED
+import rig.fitter
+from rig.fitter.lean_scipy import UNUSED
 assert not {f"numpy.{name}" for name in UNUSED} & set(sys.modules), "imported"
-import procedures.attitude.trace, procedures.pressure.trace
+import rig.procedures.attitude.trace, rig.procedures.pressure.trace
 assert not {"numpy.f2py", "numpy.testing", "scipy.stats", "scipy.optimize"} & set(sys.modules), "imported"
 import numpy, scipy.special
 numpy.testing.assert_allclose(1.0, 1.0)

@@ -16,10 +16,10 @@ from dry import SHORT, dry
 
 from proving.night.campaign import replay
 from proving.night.scenario import draw
-from rig.bench_file import check_options
-from rig.contract_files import read_bench
+from rig.bench.bench_file import check_options
+from rig.bench.contract_files import read_bench
 from rig.errors import BusyError
-from rig.locks import locked_addresses
+from rig.instruments.locks import locked_addresses
 from rig.reference import document
 from rig.run_file.reader import RunReader
 
@@ -114,7 +114,7 @@ def test_its_own_fault_strikes_in_a_night_and_everything_holds_if_its_driver_hee
     if not heeded:
         from acme_rig.driver import AcmeM7  # noqa: PLC0415 - there is no such package before
 
-        from drivers.scpi import ScpiMeter  # noqa: PLC0415
+        from rig.drivers.scpi import ScpiMeter  # noqa: PLC0415
 
         monkeypatch.setattr(AcmeM7, "fetch", ScpiMeter.fetch)
     texts = {"bench.toml": outside_package.bench_text()}

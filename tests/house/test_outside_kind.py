@@ -18,7 +18,7 @@ import outside_package
 import pytest
 from command import Done, in_its_own_process, rig
 
-from procedures.kind import Kind
+from rig.procedures.kind import Kind
 from rig.run_file.documents import declared_model
 from rig.run_file.reader import RunReader
 

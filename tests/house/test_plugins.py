@@ -7,14 +7,14 @@ from types import SimpleNamespace
 
 import pytest
 
-from procedures import kinds as kinds_module
-from procedures.errors import BrokenKind
-from procedures.kinds import kinds
-from rig import plugins
+from rig.bench import plugins
 from rig.cli import main
 from rig.errors import ConfigurationError
+from rig.procedures import kinds as kinds_module
+from rig.procedures.errors import BrokenKind
+from rig.procedures.kinds import kinds
 
-OURS = "drivers.keysight_34401a:Keysight34401A"
+OURS = "rig.drivers.keysight_34401a:Keysight34401A"
 
 
 def point(value: str, package: str) -> EntryPoint:
@@ -26,8 +26,8 @@ def point(value: str, package: str) -> EntryPoint:
     [
         ({"ours": OURS, "theirs": "acme:Meter"}, "'meter' comes with ours 1.0 and with theirs 1.0; keep one"),
         ({"theirs": "no_such_package:Meter"}, "'meter' of theirs 1.0 cannot be loaded: No module named 'no_such"),
-        ({"theirs": "drivers.keysight_34401a:Meter"}, "'meter' of theirs 1.0 cannot be loaded: .*no attribute 'Meter'"),
-        ({"theirs": "drivers.clock:RealClock"}, "'meter' of theirs 1.0 lacks Options, wire, contracts"),
+        ({"theirs": "rig.drivers.scpi:Meter"}, "'meter' of theirs 1.0 cannot be loaded: .*no attribute 'Meter'"),
+        ({"theirs": "rig.drivers.clock:RealClock"}, "'meter' of theirs 1.0 lacks Options, wire, contracts"),
     ],
 )
 def test_a_driver_that_cannot_be_used_is_named_with_its_package(monkeypatch, values, says):
@@ -43,7 +43,7 @@ def test_a_package_that_is_found_twice_is_one_package(monkeypatch):
     assert plugins.load("rig.drivers", "meter", ()).__name__ == "Keysight34401A"
 
 
-ATTITUDE = "procedures.attitude.kind:KIND"
+ATTITUDE = "rig.procedures.attitude.kind:KIND"
 
 
 def kind_point(value: str, package: str) -> EntryPoint:
@@ -66,8 +66,8 @@ def install_kinds(monkeypatch):
     ("value", "says"),
     [
         ("no_such_package:KIND", "'pitch-roll' cannot be used: ModuleNotFoundError: No module named 'no_such"),
-        ("procedures.attitude.kind:OTHER", "cannot be used: AttributeError: .*'OTHER'"),
-        ("procedures.errors:DataError", "procedures.errors:DataError is no kind of calibration"),
+        ("rig.procedures.attitude.kind:OTHER", "cannot be used: AttributeError: .*'OTHER'"),
+        ("rig.procedures.errors:DataError", "rig.procedures.errors:DataError is no kind of calibration"),
     ],
 )
 def test_a_kind_that_cannot_be_used_is_named_with_its_package(install_kinds, capsys, monkeypatch, value, says):

@@ -7,8 +7,8 @@ import io
 import re
 from pathlib import Path
 
-import fitter.decision
-from fitter.decision import SharedRisk
+import rig.fitter.decision
+from rig.fitter.decision import SharedRisk
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "explanation" / "uncertainty.md").read_text(encoding="utf-8")
 
@@ -29,5 +29,5 @@ def test_the_example_prints_what_is_shown():
 def test_every_rule_is_in_the_table():
     rules = set(re.findall(r"^\| `(\w+)", DOCUMENT, re.MULTILINE))
     assert rules == {"SimpleAcceptance", "SharedRisk", "GuardBand", "ProbabilityLimit"}
-    assert all(hasattr(fitter.decision, rule) for rule in rules)
+    assert all(hasattr(rig.fitter.decision, rule) for rule in rules)
     assert SharedRisk().largest_share == 1.0 / 3.0

@@ -12,8 +12,8 @@ import pytest
 from command import rig
 
 from rig.errors import UsageError
-from rig.inference import calibration_in
-from rig.inference.content_hash import KEY, NOT_CHECKED
+from rig.verbs.infer import calibration_in
+from rig.verbs.infer.content_hash import KEY, NOT_CHECKED
 
 TABLE = "x,y\n" + "".join(f"{i},{2 + 3 * i + 0.1 * (i * 7 % 5 - 2):.3f}\n" for i in range(14))
 READINGS = "y\n5\n20\n"

@@ -15,17 +15,17 @@ import pytest
 from dry import LAB, SHORT, dry
 from few_sensors import with_sensors
 
-from procedures.blocks import Line
+from rig.by_kind import fit_table
 from rig.cli import app
-from rig.closed_loop import fit_table
-from rig.closed_loop.chart import chart_calibrations
-from rig.closed_loop.chart_together import read_together
 from rig.errors import UsageError
-from rig.report.chart import chart_page
-from rig.report.frame import render
-from rig.results.budget import budget
-from rig.results.charts import ControlChart
+from rig.procedures.present.blocks import Line
 from rig.tables import run_table, write_csv
+from rig.verbs.budget.result import budget
+from rig.verbs.chart.charted import chart_calibrations
+from rig.verbs.chart.page import chart_page
+from rig.verbs.chart.result import ControlChart
+from rig.verbs.chart.together import read_together
+from rig.verbs.page import render
 
 PROCEDURE = SHORT.replace("replications = 2", "replications = 4")
 PPM_PER_YEAR = -20.0

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from procedures.errors import DataError
-from procedures.pressure.charting import pressure_charted
-from procedures.pressure.fit import fit_pressure
 from proving.truth import attitude as attitude_truth
 from proving.truth.pressure import HOMOSCEDASTIC, SENSOR_CENTRE_DEGC, SSE_CENTRE_DEGC, simulate
-from rig.closed_loop import fit_table
-from rig.closed_loop.chart import chart_calibrations
-from rig.closed_loop.chart_together import read_together
+from rig.by_kind import fit_table
 from rig.errors import UsageError
+from rig.procedures.errors import DataError
+from rig.procedures.pressure.charting import pressure_charted
+from rig.procedures.pressure.fit import fit_pressure
 from rig.tables import read_table, write_csv
+from rig.verbs.chart.charted import chart_calibrations
+from rig.verbs.chart.together import read_together
 
 TODAY = datetime(2026, 2, 1, tzinfo=UTC)
 PPM_PER_YEAR = -2000.0

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from fitter.history import Between, ErrorBound, Series, error_bound, homogeneity, limits, step, trend
-from fitter.history.chart import holm
-from fitter.history.components import Profile
-from fitter.history.forecast import Prediction, predict
-from procedures.attitude.fit import fit_all
-from procedures.attitude.history import attitude_charted, calibrated, calibrated_from
-from procedures.attitude.infer import calibrate_package
 from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate
 from proving.truth.chart import BENCH, PLAN, START, UNIT, bench_of, draw_history, largest_error_deg
+from rig.fitter.history import Between, ErrorBound, Series, error_bound, homogeneity, limits, step, trend
+from rig.fitter.history.chart import holm
+from rig.fitter.history.components import Profile
+from rig.fitter.history.forecast import Prediction, predict
+from rig.procedures.attitude.fit import fit_all
+from rig.procedures.attitude.history import attitude_charted, calibrated, calibrated_from
+from rig.procedures.attitude.infer import calibrate_package
 
 BCG = """
 4 119 11 128; 6 300 29 274; 3 228 11 209; 62 13536 248 12619; 33 5036 47 5761; 180 1361 372 1079; 8 2537 10 619;

@@ -10,15 +10,15 @@ import pytest
 from command import rig
 from general_lab import PROCEDURE, WORLD, run_dry
 
-from procedures.errors import DataError
-from procedures.general.budget_traced import TracedEvaluation
-from procedures.general.effects.time_columns import lagging
-from procedures.general.infer import CurveCalibration
-from procedures.general.infer_runs import infer_sensors
-from procedures.general.infer_table import infer_general
-from procedures.general.of_runs import Asked, fit_run
-from procedures.general.traced import fit_traced
-from procedures.table import Table
+from rig.procedures.errors import DataError
+from rig.procedures.general.budget_traced import TracedEvaluation
+from rig.procedures.general.effects.time_columns import lagging
+from rig.procedures.general.infer import CurveCalibration
+from rig.procedures.general.infer_runs import infer_sensors
+from rig.procedures.general.infer_table import infer_general
+from rig.procedures.general.of_runs import Asked, fit_run
+from rig.procedures.general.traced import fit_traced
+from rig.procedures.tables.table import Table
 from rig.tables import run_table
 
 LEVELS = PROCEDURE.replace("[0, 1, 2, 5]", "[0, 1, 2, 3, 4, 5, 6, 7]")

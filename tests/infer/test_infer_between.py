@@ -11,8 +11,8 @@ from command import rig
 from test_infer_general import curve
 
 import rig as rig_of_python
-from procedures.general.infer import CurveCalibration, infer_curve
-from procedures.general.infer.calibration import student
+from rig.procedures.general.infer import CurveCalibration, infer_curve
+from rig.procedures.general.infer.calibration import student
 
 TURN = 12.5
 

@@ -9,12 +9,12 @@ import pytest
 from command import rig
 from scipy import optimize, stats
 
-from fitter import least_squares
-from fitter.formula import Formula
-from fitter.split_plot import fit_split_plot
-from procedures.general.charting import curve_charted
-from procedures.general.fit import fit_general
-from procedures.general.infer import CurveCalibration, infer_curve
+from rig.fitter import least_squares
+from rig.fitter.formula import Formula
+from rig.fitter.split_plot import fit_split_plot
+from rig.procedures.general.charting import curve_charted
+from rig.procedures.general.fit import fit_general
+from rig.procedures.general.infer import CurveCalibration, infer_curve
 from rig.tables import FileSource
 
 THERMOMETER = "temp,read\n96,95.71\n98,98.16\n100,99.52\n102,102.09\n104,103.79\n106,106.18\n108,108.14\n110,110.21\n"

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from procedures.general.fit import fit_general
-from procedures.general.infer import CurveCalibration, infer_curve
+from rig.procedures.general.fit import fit_general
+from rig.procedures.general.infer import CurveCalibration, infer_curve
 from rig.tables import FileSource
 from rig.tables.csv_files import write_csv
 
@@ -98,7 +98,7 @@ def test_the_work_does_not_grow_with_the_number_of_temperatures(tmp_path, monkey
         return rows(self, x)
 
     monkeypatch.setattr(CurveCalibration, "rows", counted)
-    from procedures.general.infer_table import infer_general  # noqa: PLC0415
+    from rig.procedures.general.infer_table import infer_general  # noqa: PLC0415
     from rig.tables.given import table_given  # noqa: PLC0415
 
     table = table_given({"t": t, "y": truth(p, t)})

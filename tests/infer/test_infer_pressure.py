@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from command import rig
 
-from procedures.pressure.fit import fit_pressure
-from procedures.pressure.infer import Zero, departure, infer_pressure
 from proving.truth.pressure import HOMOSCEDASTIC, simulate
+from rig.procedures.pressure.fit import fit_pressure
+from rig.procedures.pressure.infer import Zero, departure, infer_pressure
 from rig.tables import write_csv
 
 SENSOR, SSE = -70.0, 20.0

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, least_squares
 
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.fit import fit_attitude
-from procedures.attitude.infer import AttitudeCalibration, SensorModel, calibrate_package, infer_attitude
-from procedures.attitude.infer.package import inverse_df_of_two, t_limits
-from procedures.attitude.model import attitude_columns
 from proving.truth.attitude import D1, Bench, Sensor, simulate
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.fit import fit_attitude
+from rig.procedures.attitude.infer import AttitudeCalibration, SensorModel, calibrate_package, infer_attitude
+from rig.procedures.attitude.infer.package import inverse_df_of_two, t_limits
+from rig.procedures.attitude.model import attitude_columns
 
 SEED = 41
 BENCH = Bench()

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from test_inverse import volts
 
-from fitter import RankError
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.fit import fit_attitude
-from procedures.attitude.infer import AttitudeCalibration, calibrate_package, infer_attitude
-from procedures.attitude.trace import trace
 from proving.truth.attitude import D1, Bench, Sensor, simulate
+from rig.fitter import RankError
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.fit import fit_attitude
+from rig.procedures.attitude.infer import AttitudeCalibration, calibrate_package, infer_attitude
+from rig.procedures.attitude.trace import trace
 
 NAMES = ("x_V", "y_V", "z_V")
 SEED = 3

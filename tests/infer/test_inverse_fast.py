@@ -13,12 +13,12 @@ from scipy import special
 from scipy.optimize import least_squares
 from test_inverse import BENCH, PACKAGES, attitudes, true_calibration, volts
 
-from procedures.attitude.infer import AttitudeCalibration, SensorModel, ThreeAxis, blocks, infer_attitude
-from procedures.attitude.infer import infer as of_readings
-from procedures.attitude.infer.package import Noise, Propagation, angles, directions, gravity, t_limits
-from procedures.attitude.infer.tangent import Tangent
-from procedures.attitude.infer.three_axis import CHUNK
 from proving.truth.attitude import D1, Bench, simulate
+from rig.procedures.attitude.infer import AttitudeCalibration, SensorModel, ThreeAxis, blocks, infer_attitude
+from rig.procedures.attitude.infer import infer as of_readings
+from rig.procedures.attitude.infer.package import Noise, Propagation, angles, directions, gravity, t_limits
+from rig.procedures.attitude.infer.tangent import Tangent
+from rig.procedures.attitude.infer.three_axis import CHUNK
 
 NAMES = PACKAGES["xyz"]
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "how_to" / "inference.md"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from test_inverse import BENCH, PACKAGES, true_calibration, turn, volts
 
-from procedures.attitude.infer import calibrate_package, infer_attitude, singularity
 from proving.truth.attitude import D1, simulate
+from rig.procedures.attitude.infer import calibrate_package, infer_attitude, singularity
 
 SIGMA_V = 2e-5
 SEED = 7

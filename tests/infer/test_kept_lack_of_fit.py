@@ -11,11 +11,11 @@ import pytest
 from command import rig
 from test_signs import table_of
 
-from procedures.attitude.evaluate import trace_attitude_table
-from procedures.attitude.fitted import fit_attitude_table
-from procedures.attitude.infer import AttitudeCalibration
-from procedures.table import Table
 from proving.truth.attitude import Bench, Plan, Sensor, simulate
+from rig.procedures.attitude.evaluate import trace_attitude_table
+from rig.procedures.attitude.fitted import fit_attitude_table
+from rig.procedures.attitude.infer import AttitudeCalibration
+from rig.procedures.tables.table import Table
 
 BENCH = Bench(sensors=(Sensor("x"),))
 KNEE = -0.002

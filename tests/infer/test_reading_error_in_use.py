@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from command import rig
 
-from procedures.pressure.fit import fit_pressure
 from proving.truth.whole_plot import SUBPLOT, Bench, simulate
+from rig.procedures.pressure.fit import fit_pressure
 from rig.tables import write_csv
 
 AT = 0.12

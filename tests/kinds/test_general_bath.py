@@ -11,15 +11,15 @@ from command import rig
 from general_lab import written
 
 from proving.forger import forge
-from rig.config import parse_bench
-from rig.controller import start_run
+from rig.bench.config import parse_bench
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError, RigError
-from rig.forecast import rehearse
-from rig.plans import load_plan
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
 from rig.run_file.verification import verify_file
+from rig.runs.controller import start_run
+from rig.runs.forecast import rehearse
+from rig.runs.plans import load_plan
 from rig.tables import run_table
 
 SLOW = lab.BATH.replace("dwell_s = 60\n", "dwell_s = 60\ntime_constant_s = 120\n")

@@ -11,20 +11,20 @@ import pytest
 from command import rig
 from general_lab import BENCH, PROCEDURE, REFERENCE, WORLD, WORLD_WITH_STANDARD, run_dry
 
-from fitter.arrays import FloatArray
-from fitter.formula import Formula
-from procedures.errors import DataError
-from procedures.general.charting import CHARTING
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.fit import fit_general
-from procedures.general.gross import of_table
-from procedures.general.infer import CurveCalibration
-from procedures.general.infer_table import infer_general
-from procedures.general.of_runs import reader_of
-from procedures.general.trace import search_table
-from procedures.general.trace.family import TableFamily
-from procedures.general.trace.report import _doubt
-from procedures.table import Table
+from rig.fitter.arrays import FloatArray
+from rig.fitter.formula import Formula
+from rig.procedures.errors import DataError
+from rig.procedures.general.charting import CHARTING
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.fit import fit_general
+from rig.procedures.general.gross import of_table
+from rig.procedures.general.infer import CurveCalibration
+from rig.procedures.general.infer_table import infer_general
+from rig.procedures.general.of_runs import reader_of
+from rig.procedures.general.trace import search_table
+from rig.procedures.general.trace.family import TableFamily
+from rig.procedures.general.trace.report import _doubt
+from rig.procedures.tables.table import Table
 
 TWO = BENCH.replace(
     "[sensors.cell]",

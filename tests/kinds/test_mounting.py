@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from command import rig
 
-from procedures.attitude.model import mounting_matrix
-from procedures.attitude.table import attitude_data
 from rig.examples import example
+from rig.procedures.attitude.model import mounting_matrix
+from rig.procedures.attitude.table import attitude_data
+from rig.sims.physics.rotations import apply, pitch_matrix, roll_matrix
 from rig.tables import read_table
-from sims.physics.rotations import apply, pitch_matrix, roll_matrix
 
 pytestmark = pytest.mark.usefixtures("few_draws")
 

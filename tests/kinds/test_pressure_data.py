@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from procedures.pressure.data import WholePlotData
 from proving.truth.pressure import HOMOSCEDASTIC, simulate
+from rig.procedures.pressure.data import WholePlotData
 
 
 def rows(**changes):

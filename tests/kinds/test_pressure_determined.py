@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitter import RankError
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.fit import fit_pressure
-from procedures.pressure.infer import Zero, infer_pressure
+from rig.fitter import RankError
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.fit import fit_pressure
+from rig.procedures.pressure.infer import Zero, infer_pressure
 
 PRESSURES = (0.05, 0.5, 1.0, 2.5, 5.0)
 WHOLE_PLOT_MV, SUBPLOT_MV = 0.012, 0.002

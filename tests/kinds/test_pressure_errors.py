@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from procedures.pressure.fit import Errors, fit_pressure
-from procedures.pressure.fit.errors import Layout
 from proving.truth.pressure import GROWING, HOMOSCEDASTIC, simulate
+from rig.procedures.pressure.fit import Errors, fit_pressure
+from rig.procedures.pressure.fit.errors import Layout
 
 
 def restricted_loglik(theta, columns, y, pressure, groups):

@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import optimize, stats
 
-from fitter.formula import Formula
-from procedures.pressure.fit import PressureCalibration, fit_pressure
-from procedures.pressure.infer import Zero, infer_pressure
-from procedures.pressure.infer.in_flight import NO_ROOT
 from proving.statistics.pressure import coverage
 from proving.truth.pressure import GROWING, HOMOSCEDASTIC, simulate
+from rig.fitter.formula import Formula
+from rig.procedures.pressure.fit import PressureCalibration, fit_pressure
+from rig.procedures.pressure.infer import Zero, infer_pressure
+from rig.procedures.pressure.infer.in_flight import NO_ROOT
 
 DATA, _ = simulate(HOMOSCEDASTIC, 3)
 FIT = fit_pressure(DATA, "bridge_mV", growth=False)

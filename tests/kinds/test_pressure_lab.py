@@ -12,16 +12,16 @@ from command import rig
 from dry_pressure import EACH, IN_ALL, LAB, SHORT, Killed, dry
 from few_sensors import with_sensors
 
-from procedures.kinds import kind_of_table
-from procedures.pressure import settings as whole_plot
-from procedures.pressure.fitted import fit_whole_plots
-from procedures.pressure.table import whole_plot_data
-from rig.accepted import judge
-from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
-from rig.plans import load_plan
+from rig.procedures.kinds import kind_of_table
+from rig.procedures.pressure import settings as whole_plot
+from rig.procedures.pressure.fitted import fit_whole_plots
+from rig.procedures.pressure.table import whole_plot_data
 from rig.run_file.reader import RunReader
+from rig.runs.accepted import judge
+from rig.runs.controller import resume_run, start_run
+from rig.runs.plans import load_plan
 from rig.tables import run_table, write_csv
 
 HERE = (1, 7)

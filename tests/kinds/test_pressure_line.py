@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sims.physics.fields import WorldError, read_table
-from sims.physics.pressure_line import ATMOSPHERE_PSIA, LineTruth, PressureLine
+from rig.sims.physics.fields import WorldError, read_table
+from rig.sims.physics.pressure_line import ATMOSPHERE_PSIA, LineTruth, PressureLine
 
 QUIET = LineTruth(control_noise_psi=0.0, reference_noise_psi=0.0)
 AIR = ATMOSPHERE_PSIA

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter import RankError
-from fitter.errors import FitError
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.fit import METHODS, PAPER_SENSITIVITY_MV_PER_PSI, fit_pressure, named_formula
-from procedures.pressure.fit.methods import fit_method
 from proving.truth.pressure import GROWING, GROWING_AND_CUBIC, HOMOSCEDASTIC, simulate
+from rig.fitter import RankError
+from rig.fitter.errors import FitError
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.fit import METHODS, PAPER_SENSITIVITY_MV_PER_PSI, fit_pressure, named_formula
+from rig.procedures.pressure.fit.methods import fit_method
 
 DATA, ERROR = simulate(HOMOSCEDASTIC, 3)
 FIT = fit_pressure(DATA, "bridge_mV", growth=False)

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter import RankError
-from fitter.arithmetic_text import FormulaError
-from fitter.formula import Formula
-from procedures.pressure.fit import HIERARCHICAL, fit_pressure, named_formula, variance_inflation
-from procedures.pressure.fit.models import contains, of_whole_plot
 from proving.truth.pressure import HOMOSCEDASTIC, PRESSURES_PSIA, simulate
+from rig.fitter import RankError
+from rig.fitter.arithmetic_text import FormulaError
+from rig.fitter.formula import Formula
+from rig.procedures.pressure.fit import HIERARCHICAL, fit_pressure, named_formula, variance_inflation
+from rig.procedures.pressure.fit.models import contains, of_whole_plot
 
 DATA, _ = simulate(HOMOSCEDASTIC, 3)
 

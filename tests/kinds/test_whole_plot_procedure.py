@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from procedures.pressure.precision import precision
-from procedures.pressure.settings import WholePlotDesign, WholePlotProcedure
+from rig.procedures.pressure.precision import precision
+from rig.procedures.pressure.settings import WholePlotDesign, WholePlotProcedure
 
 
 def procedure(**settings):

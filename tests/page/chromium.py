@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from drivers.clock import RealClock
+from rig.drivers.clock import RealClock
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 MISSING = "No Chromium was found. Install one (Debian, Ubuntu: apt install chromium) or name it: CHROMIUM=PATH"

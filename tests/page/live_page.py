@@ -21,11 +21,11 @@ from pathlib import Path
 import pytest
 from chromium import MISSING, Page, chromium, find
 
-from drivers.clock import RealClock
-from rig.controller import start_run
+from rig.drivers.clock import RealClock
 from rig.engine.session import Progress, Signals
 from rig.examples import example
-from rig.plans import load_plan
+from rig.runs.controller import start_run
+from rig.runs.plans import load_plan
 
 pytestmark = [
     pytest.mark.skipif(find() is None, reason=MISSING),

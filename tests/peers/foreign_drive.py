@@ -7,8 +7,8 @@ from typing import Any
 
 import canopen
 
-from drivers.wires.can_node import read_eds
-from sims.world import World
+from rig.drivers.wires.can_node import read_eds
+from rig.sims.world import World
 
 Transmit = Callable[[int, bytes], None]
 _AFTER = {0x06: 0x21, 0x07: 0x23, 0x0F: 0x27}

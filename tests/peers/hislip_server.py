@@ -14,8 +14,8 @@ import time
 
 from serial_bench import FakePlant
 
-from sims.twins.keysight_34401a import Keysight34401ATwin
-from sims.world import World
+from rig.sims.twins.keysight_34401a import Keysight34401ATwin
+from rig.sims.world import World
 
 HEADER = struct.Struct("!2sBBIQ")
 INITIALIZE, INITIALIZE_RESPONSE, DATA, DATA_END, CLEAR_COMPLETE, CLEAR_ACKNOWLEDGE = 0, 1, 6, 7, 8, 9

@@ -11,11 +11,11 @@ from buses import EDS
 from canopen.profiles.p402 import BaseNode402
 from canopen.sdo import SdoAbortedError, SdoCommunicationError
 
-from drivers.wires.can_node import read_eds
-from sims.physics import Plant
-from sims.twins.cia402 import CiA402PairTwin
-from sims.twins.cia402_drive import OVERCURRENT
-from sims.world import World
+from rig.drivers.wires.can_node import read_eds
+from rig.sims.physics import Plant
+from rig.sims.twins.cia402 import CiA402PairTwin
+from rig.sims.twins.cia402_drive import OVERCURRENT
+from rig.sims.world import World
 
 COUNTS_PER_DEGREE = 36000
 SAVE = 0x65766173

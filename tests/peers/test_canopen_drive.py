@@ -11,14 +11,14 @@ from buses import EDS, without_objects
 from foreign_drive import ForeignDrive
 from pydantic import ValidationError
 
-from drivers.cia402 import CiA402Pair
-from drivers.clock import RealClock
-from drivers.errors import BadReply, NotReady
-from drivers.roles import AxisState, Remarking
-from drivers.wires import Wires
-from drivers.wires.can_node import read_eds
-from sims.wires.can_line import CanCable, on_one_bus
-from sims.world import World
+from rig.drivers.cia402 import CiA402Pair
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import BadReply, NotReady
+from rig.drivers.roles import AxisState, Remarking
+from rig.drivers.wires import Wires
+from rig.drivers.wires.can_node import read_eds
+from rig.sims.wires.can_line import CanCable, on_one_bus
+from rig.sims.world import World
 
 # What a Schunk ERB (Schunk_0_63.dcf, public) lacks: no window, no deceleration, no homing speeds, no units.
 GAPS = (0x6067, 0x6068, 0x6084, 0x6085, 0x6099, 0x609A, 0x60A8, 0x60A9, 0x60AA)

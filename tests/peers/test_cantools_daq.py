@@ -9,8 +9,8 @@ import cantools.database
 import pytest
 from buses import CONTRACTS
 
-from sims.twins.can_daq import CanDaqTwin
-from sims.world import World
+from rig.sims.twins.can_daq import CanDaqTwin
+from rig.sims.world import World
 
 DBC = (CONTRACTS / "can_daq.dbc").read_text(encoding="utf-8")
 THEIRS = cantools.database.load_string(DBC, "dbc")

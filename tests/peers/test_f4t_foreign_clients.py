@@ -11,8 +11,8 @@ import pytest
 from pymodbus import FramerType
 from pymodbus.client import ModbusBaseSyncClient, ModbusSerialClient, ModbusTcpClient
 
-from drivers.clock import RealClock
 from proving.crashes.kills import rig
+from rig.drivers.clock import RealClock
 
 BENCH = """
 name = "three-chambers"

@@ -12,10 +12,10 @@ from buses import REGISTER_MAP
 from foreign_modbus import Foreign, serving
 from pymodbus import FramerType
 
-from drivers.clock import RealClock
-from drivers.errors import BadReply, DriverError
-from drivers.watlow_f4t import WatlowF4T
-from drivers.wires import Wires
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import BadReply, DriverError
+from rig.drivers.watlow_f4t import WatlowF4T
+from rig.drivers.wires import Wires
 
 CODES = {"C": 15, "F": 30}
 OWN = {FramerType.SOCKET: 6730, FramerType.RTU: 14080}

@@ -9,9 +9,9 @@ from pymeasure.instruments.newport import ESP300
 from serial import serial_for_url
 from serial_bench import FakePlant, plug_in
 
-from sims.twins.keysight_34401a import Keysight34401ATwin
-from sims.twins.newport_esp301 import NewportESP301Twin
-from sims.world import World
+from rig.sims.twins.keysight_34401a import Keysight34401ATwin
+from rig.sims.twins.newport_esp301 import NewportESP301Twin
+from rig.sims.world import World
 
 pytestmark = pytest.mark.filterwarnings("ignore:It is not known whether this device support SCPI:FutureWarning")
 

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from drivers.clock import RealClock
-from drivers.errors import InstrumentError, WrongInstrument
-from drivers.scpi_meter import DescribedMeter
-from drivers.scpi_source import DescribedSource
-from drivers.wires import Wires
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import InstrumentError, WrongInstrument
+from rig.drivers.scpi_meter import DescribedMeter
+from rig.drivers.scpi_source import DescribedSource
+from rig.drivers.wires import Wires
 
 SERVER = Path(__file__).parent / "foreign_scpi.py"
 KNOWN = {"maker": "STRANGER INC.", "model": "SMU 1"}

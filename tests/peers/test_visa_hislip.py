@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from drivers.clock import RealClock
-from drivers.errors import NoReply, Unreachable
-from drivers.keysight_34401a import Keysight34401A
-from drivers.wires import SerialSettings, Wires
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import NoReply, Unreachable
+from rig.drivers.keysight_34401a import Keysight34401A
+from rig.drivers.wires import SerialSettings, Wires
 
 SERVER = Path(__file__).parent / "hislip_server.py"
 

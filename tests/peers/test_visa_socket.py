@@ -8,11 +8,11 @@ import tomllib
 
 import pytest
 
-from drivers.clock import RealClock, ScaledClock
-from drivers.errors import Unreachable
-from drivers.keysight_34401a import Keysight34401A
-from drivers.keysight_34970a import Keysight34970A
-from drivers.wires import Wires
+from rig.drivers.clock import RealClock, ScaledClock
+from rig.drivers.errors import Unreachable
+from rig.drivers.keysight_34401a import Keysight34401A
+from rig.drivers.keysight_34970a import Keysight34970A
+from rig.drivers.wires import Wires
 
 BENCH = """
 name = "served"

@@ -14,9 +14,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.designs import grid, tumble
-from procedures.attitude.infer import singularity
 from proving.paper import computed_sections, measure, section_markdown, without_experiments
 from proving.paper.capture import at_points, temperature_corrected
 from proving.paper.checks import checks, ranges
@@ -32,7 +29,10 @@ from proving.paper.table_2 import EXPERIMENTS, FRACTION_53, FRACTION_73, UNDER, 
 from proving.paper.words import NOT_ALIKE
 from proving.truth.attitude import GRAVITY, Sensor, turn_pitch, turn_roll
 from rig.cli import app
-from rig.toml_text import toml_text
+from rig.files.toml_text import toml_text
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.designs import grid, tumble
+from rig.procedures.attitude.infer import singularity
 
 DOCUMENT = Path(__file__).parents[2] / "proving" / "notes" / "paper.md"
 SEED = 20260523

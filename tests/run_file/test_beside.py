@@ -10,8 +10,8 @@ import pytest
 from command import rig
 from test_run_file import RUN_LIST
 
-from procedures.run_list import Point, RunList
 from rig.errors import RunFileError
+from rig.procedures.plan.run_list import Point, RunList
 from rig.run_file import opening, wal
 from rig.run_file.beside import ForeignFileError
 from rig.run_file.chain import Record, encode

@@ -16,8 +16,6 @@ from proving.crashes.damages import small_finished
 from proving.doors.hostile import Seeded, command
 from proving.doors.of_runs import Image
 from rig.errors import ConfigurationError, RunFileError, UsageError
-from rig.plans import stored_plan
-from rig.report.frame import story
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.documents import declared_model, mounting_of
@@ -25,8 +23,10 @@ from rig.run_file.events.event import body_of
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.run_file.verification import verify_file
+from rig.runs.plans import stored_plan
 from rig.tables import run_table
 from rig.unattended.service import ServiceUnit
+from rig.verbs.page import story
 from rig.watch.feed import RunFeed
 
 

@@ -12,17 +12,17 @@ from few_points import Killed, records
 from general_lab import run_dry, written
 from test_typed_readings import DIAL, bench, defects, world
 
-from rig.certificate.about import deviations
-from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Signals
-from rig.plans import load_plan
 from rig.run_file.chain import Record, encode
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.run_file.verification import verify_file
 from rig.run_file.writer import RunWriter
+from rig.runs.controller import resume_run, start_run
+from rig.runs.plans import load_plan
 from rig.tables import run_table
 from rig.unattended.earlier import ended_without_a_word
+from rig.verbs.certificate.about import deviations
 
 WHY = "digits exchanged"
 

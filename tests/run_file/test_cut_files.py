@@ -17,16 +17,16 @@ from command import rig
 from test_seal import command
 
 from proving.crashes.damages import small_finished
-from rig.atomic import write_whole
-from rig.certificate.files import FORMS, check_free, issuing, next_number, taken, write_once
 from rig.errors import UsageError
-from rig.temporary import locked, open_temporary, sweep, temporary_in
+from rig.files.atomic import write_whole
+from rig.files.temporary import locked, open_temporary, sweep, temporary_in
+from rig.verbs.certificate.files import FORMS, check_free, issuing, next_number, taken, write_once
 
 KILLED = """
 import os, signal, sys
 from pathlib import Path
 folder, step, number = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
-from rig.certificate.files import issuing, write_once
+from rig.verbs.certificate.files import issuing, write_once
 passed = 0
 def stopping(real):
     def call(*args, **more):
@@ -135,7 +135,7 @@ def test_two_that_issue_at_once_have_two_numbers(tmp_path):
 import sys
 from datetime import date
 from pathlib import Path
-from rig.certificate.files import issuing, next_number, write_once
+from rig.verbs.certificate.files import issuing, next_number, write_once
 folder = Path(sys.argv[1])
 with issuing(folder):
     number = next_number(folder, "K-{next}", date(2026, 1, 1))
@@ -186,7 +186,7 @@ def test_temporary_files_of_dead_processes_are_swept_and_no_others(tmp_path):
 
 def test_a_command_that_was_killed_leaves_nothing_for_the_next(tmp_path):
     code = (
-        "import os, signal, sys; from pathlib import Path; from rig.atomic import write_whole\n"
+        "import os, signal, sys; from pathlib import Path; from rig.files.atomic import write_whole\n"
         "write_whole(Path(sys.argv[1]), lambda file: (file.write('half'), os.kill(os.getpid(), signal.SIGKILL)))"
     )
     path = tmp_path / "a.csv"

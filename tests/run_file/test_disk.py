@@ -12,8 +12,8 @@ import apsw
 import pytest
 from test_run_file import genesis, observation
 
-from drivers.clock import Clock
 from proving.disk import Crash, Disk
+from rig.drivers.clock import Clock
 from rig.errors import StorageError
 from rig.run_file import storage
 from rig.run_file.chain import Record
@@ -21,7 +21,7 @@ from rig.run_file.creation import create
 from rig.run_file.reader import RunReader
 from rig.run_file.state import fold
 from rig.run_file.writer import RunWriter
-from sims.world import World
+from rig.sims.world import World
 
 
 def made(folder: Path, disk: Disk) -> Path:

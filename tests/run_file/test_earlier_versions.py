@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 from command import rig
 
-from rig.report.frame import story
 from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
+from rig.verbs.page import story
 
 DATA = Path(__file__).parents[1] / "data"
 COMPLETE = {"attitude-20261121": (24, ()), "pressure-20261121": (12, ("--formula", "1 + pressure_psia"))}

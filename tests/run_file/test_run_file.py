@@ -16,8 +16,8 @@ from pathlib import Path
 import apsw
 import pytest
 
-from procedures.run_list import Factor, Point, RunList
 from rig.errors import BusyError, RunFileError, StorageError, UsageError
+from rig.procedures.plan.run_list import Factor, Point, RunList
 from rig.run_file import storage, wal
 from rig.run_file.chain import Record, encode
 from rig.run_file.creation import Genesis, create

@@ -13,8 +13,8 @@ from dry import LAB, dry
 from small_run import write_small
 
 from proving.truth import whole_plot as whole_plot_truth
-from rig.atomic import check_files, check_writable, write_whole
 from rig.errors import UsageError
+from rig.files.atomic import check_files, check_writable, write_whole
 from rig.run_file.live import live_path, read_json, replace_json, request_path, send_request
 from rig.tables import write_csv
 from rig.tables.faults import COLUMNS
@@ -250,7 +250,7 @@ def test_a_masked_unit_is_not_installed_without_a_word(tmp_path):
 )
 def test_a_confirming_run_looks_at_its_files_before_its_work(finished, tmp_path, options, code, says):
     (tmp_path / "wrong.toml").write_text("[[[")
-    with patch("rig.closed_loop.confirm.open_traced", side_effect=AssertionError("its work began")):
+    with patch("rig.verbs.confirm.open_traced", side_effect=AssertionError("its work began")):
         done = rig("confirm", finished, "--dry", *options, cwd=tmp_path)
     assert (done.returncode, says in done.stderr) == (code, True), done.stderr
 

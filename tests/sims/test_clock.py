@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from drivers.clock import Clock, RealClock, ScaledClock, boot_id
-from sims.world import World
+from rig.drivers.clock import Clock, RealClock, ScaledClock, boot_id
+from rig.sims.world import World
 
 
 def test_real_time_passes_at_real_pace_and_ignores_steps_of_the_calendar(monkeypatch):

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from faulty_bench import ATTITUDE, PRESSURE, faulty, up
 
-from drivers.errors import DriverError
-from drivers.wires.modbus import float_of_words
-from rig.config import parse_bench
+from rig.bench.config import parse_bench
+from rig.drivers.errors import DriverError
+from rig.drivers.wires.modbus import float_of_words
 from rig.errors import ConfigurationError
+from rig.sims.faults import COMMON, Fault, kinds_of, read_faults
+from rig.sims.physics import WorldError
+from rig.sims.twin import TwinClass
 from rig.simulated.dry_run import DryBench, twin_class
-from sims.faults import COMMON, Fault, kinds_of, read_faults
-from sims.physics import WorldError
-from sims.twin import TwinClass
 
 SERIAL, MODBUS, CAN = ("esp301", "dvm", "scanner", "pace"), ("enclosure", "chamber"), ("cia402", "daq")
 METERS = ("dvm", "scanner")
@@ -317,9 +317,9 @@ def test_what_was_before_a_resumed_session_is_past_unless_it_lasts():
     rig = faulty("chamber", {"faults": entries}, text=PRESSURE, start=100.0)
     assert sorted(h.fault.kind for h in rig.happened()) == ["chamber-alarm", "clock-step"]
     assert not rig.driver.read().alarms
-    assert rig.bench.instruments["other"].read().alarms
+    assert rig.instruments.opening.instruments["other"].read().alarms
     rig.dry.world.sleep(411.0)
-    assert not rig.bench.instruments["other"].read().alarms
+    assert not rig.instruments.opening.instruments["other"].read().alarms
 
 
 def test_utc_steps_and_is_set_right_while_durations_go_on():

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sims.physics.attitude import Accelerometer, sensitive_axis
-from sims.physics.rotations import GRAVITY, Vector, apply, compose, pitch_matrix, roll_matrix, yaw_matrix
-from sims.physics.truth import SensorTruth
-from sims.physics.undeclared import Effects, HeadError, IsolationPad, SecondOrder
+from rig.sims.physics.attitude import Accelerometer, sensitive_axis
+from rig.sims.physics.rotations import GRAVITY, Vector, apply, compose, pitch_matrix, roll_matrix, yaw_matrix
+from rig.sims.physics.truth import SensorTruth
+from rig.sims.physics.undeclared import Effects, HeadError, IsolationPad, SecondOrder
 
 ANGLE = st.floats(-360, 360)
 

@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from sims.physics.chamber import Chamber
-from sims.physics.pressure_truth import ChamberTruth
-from sims.physics.steps import Steps
-from sims.physics.thermal import Lab
-from sims.physics.truth import LabTruth
+from rig.sims.physics.chamber import Chamber
+from rig.sims.physics.pressure_truth import ChamberTruth
+from rig.sims.physics.steps import Steps
+from rig.sims.physics.thermal import Lab
+from rig.sims.physics.truth import LabTruth
 
 Setpoint = Callable[[float], float] | None
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sims.physics.head import HeadMechanics
-from sims.physics.truth import HeadTruth
-from sims.physics.undeclared import ARCSEC, Backlash, HeadError
-from sims.world import World
+from rig.sims.physics.head import HeadMechanics
+from rig.sims.physics.truth import HeadTruth
+from rig.sims.physics.undeclared import ARCSEC, Backlash, HeadError
+from rig.sims.world import World
 
 TARGETS = st.lists(st.tuples(st.floats(-180, 180), st.floats(0.0, 40.0)), min_size=1, max_size=6)
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sims.physics import Plant
-from sims.world import EPOCH_UTC, World
+from rig.sims.physics import Plant
+from rig.sims.world import EPOCH_UTC, World
 
 BENCH: dict[str, Any] = {
     "sensors": {

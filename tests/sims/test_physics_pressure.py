@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sims.physics import Plant
-from sims.physics.transpiration import at_the_sensor_psia
-from sims.world import World
+from rig.sims.physics import Plant
+from rig.sims.physics.transpiration import at_the_sensor_psia
+from rig.sims.world import World
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "pressure-lab"
 HOUR = 3600.0

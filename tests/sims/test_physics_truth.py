@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from sims.bench import world_for
-from sims.physics import Truth, WorldError, read_truth, sensor_axes
-from sims.physics.pressure_truth import TransducerTruth, ordinary
-from sims.physics.truth import SENSORS, SensorTruth
-from sims.physics.undeclared import Effects, HeadError
+from rig.sims.bench import world_for
+from rig.sims.physics import Truth, WorldError, read_truth, sensor_axes
+from rig.sims.physics.pressure_truth import TransducerTruth, ordinary
+from rig.sims.physics.truth import SENSORS, SensorTruth
+from rig.sims.physics.undeclared import Effects, HeadError
 
 AXES = {"x": "x", "y": "y", "aoa2": "x"}
 DOCS = Path(__file__).parents[2] / "docs" / "reference" / "worlds.md"

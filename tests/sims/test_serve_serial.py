@@ -14,19 +14,19 @@ from types import SimpleNamespace
 
 import pytest
 
-from drivers.cia402 import CiA402Pair
-from drivers.clock import RealClock, ScaledClock
-from drivers.errors import DriverError
-from drivers.keysight_34401a import Keysight34401A
-from drivers.keysight_34970a import Keysight34970A
-from drivers.newport_esp301 import NewportESP301
-from drivers.watlow_f4t import WatlowF4T
-from drivers.wires import Wires
-from sims.serve import toml
+from rig.drivers.cia402 import CiA402Pair
+from rig.drivers.clock import RealClock, ScaledClock
+from rig.drivers.errors import DriverError
+from rig.drivers.keysight_34401a import Keysight34401A
+from rig.drivers.keysight_34970a import Keysight34970A
+from rig.drivers.newport_esp301 import NewportESP301
+from rig.drivers.watlow_f4t import WatlowF4T
+from rig.drivers.wires import Wires
+from rig.sims.serve import toml
 
 SPEED = 20.0
-EDS = files("contracts").joinpath("cia402_drive.eds").read_text(encoding="utf-8")
-REGISTERS = files("contracts").joinpath("watlow_f4t.toml").read_text(encoding="utf-8")
+EDS = files("rig.contracts").joinpath("cia402_drive.eds").read_text(encoding="utf-8")
+REGISTERS = files("rig.contracts").joinpath("watlow_f4t.toml").read_text(encoding="utf-8")
 BENCH = {
     "name": "served",
     "instruments": {
@@ -48,12 +48,12 @@ BENCH = {
 }
 SERVER = """
 import json, pathlib, sys
-from sims.serve import serve
-from sims.twins.newport_esp301 import NewportESP301Twin
-from sims.twins.keysight_34401a import Keysight34401ATwin
-from sims.twins.keysight_34970a import Keysight34970ATwin
-from sims.twins.watlow_f4t import WatlowF4TTwin
-from sims.twins.cia402 import CiA402PairTwin
+from rig.sims.serve import serve
+from rig.sims.twins.newport_esp301 import NewportESP301Twin
+from rig.sims.twins.keysight_34401a import Keysight34401ATwin
+from rig.sims.twins.keysight_34970a import Keysight34970ATwin
+from rig.sims.twins.watlow_f4t import WatlowF4TTwin
+from rig.sims.twins.cia402 import CiA402PairTwin
 twins = {"newport-esp301": NewportESP301Twin, "keysight-34401a": Keysight34401ATwin,
          "keysight-34970a": Keysight34970ATwin, "watlow-f4t": WatlowF4TTwin,
          "cia402-pair": CiA402PairTwin}

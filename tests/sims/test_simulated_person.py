@@ -7,12 +7,12 @@ from types import SimpleNamespace
 import pytest
 from general_lab import PROCEDURE, WORLD, run_dry
 
-from procedures.by_hand import HandStep
 from rig.errors import ConfigurationError
+from rig.procedures.plan.by_hand import HandStep
 from rig.run_file.events.by_hand import DoneByHand
 from rig.run_file.reader import RunReader
+from rig.sims.physics.by_hand import PersonTruth
 from rig.simulated.person import SimulatedPerson
-from sims.physics.by_hand import PersonTruth
 
 STEP = '[[by_hand]]\nbefore = 1\nsay = "read the barometer"\nchange = "air"\nvalue = "air_hPa"\nrange = [950, 1050]\n'
 WITH_STEP = PROCEDURE.replace("replications = 2", "replications = 1") + STEP

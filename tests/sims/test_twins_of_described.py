@@ -9,8 +9,8 @@ import pytest
 from command import rig
 from test_scpi_described import METER, SOURCE, Bench
 
-from drivers.roles import Identity
-from sims.identity import fitting
+from rig.drivers.roles import Identity
+from rig.sims.identity import fitting
 
 PATTERNS = [
     r"KEITHLEY INSTRUMENTS INC\.,MODEL 2400,.*,.*",

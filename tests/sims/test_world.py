@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sims.noise import event_at, normal, splitmix64, uniform
-from sims.world import EPOCH_UTC, Deadlock, World
+from rig.sims.noise import event_at, normal, splitmix64, uniform
+from rig.sims.world import EPOCH_UTC, Deadlock, World
 
 
 def test_a_thousand_seconds_take_no_time():
@@ -118,6 +118,6 @@ def test_the_same_event_always_gets_the_same_noise(seed, channel, event):
 
 def test_noise_is_the_same_in_another_process():
     here = repr([normal(3, "dvm/101", event_at(12.5 + k)) for k in range(5)])
-    code = "from sims.noise import *; print([normal(3, 'dvm/101', event_at(12.5 + k)) for k in range(5)])"
+    code = "from rig.sims.noise import *; print([normal(3, 'dvm/101', event_at(12.5 + k)) for k in range(5)])"
     there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
     assert here == there

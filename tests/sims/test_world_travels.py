@@ -15,21 +15,21 @@ import pytest
 from command import rig
 from test_scpi_described import METER, Bench
 
-from drivers.clock import RealClock
-from drivers.errors import Unreachable
-from drivers.roles import OVERLOAD
-from drivers.wires import SerialSettings, Wires
 from proving.crashes.kills import rig as process
 from proving.crashes.kills import wait_for
-from rig.closed_loop.confirm.first import check_way
-from rig.config import parse_bench
+from rig.bench.config import parse_bench
+from rig.drivers.clock import RealClock
+from rig.drivers.errors import Unreachable
+from rig.drivers.roles import OVERLOAD
+from rig.drivers.wires import SerialSettings, Wires
 from rig.errors import BenchFault, UsageError
-from rig.person import ServedBench
-from rig.plans import load_plan
+from rig.instruments.person import ServedBench
 from rig.run_file.creation import Genesis, create
 from rig.run_file.reader import RunReader
+from rig.runs.plans import load_plan
+from rig.sims.serve import Hands, toml
 from rig.simulated.dry_run import DryBench
-from sims.serve import Hands, toml
+from rig.verbs.confirm.first import check_way
 
 BENCH = """name = "a balance"
 [instruments.operator]

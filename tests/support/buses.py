@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from drivers.cia402 import CiA402Pair
-from drivers.watlow_f4t import WatlowF4T
-from drivers.wires import Wires
-from sims.physics import Plant
-from sims.twins.cia402 import CiA402PairTwin
-from sims.twins.watlow_f4t import WatlowF4TTwin
-from sims.wires.can_line import CanCable
-from sims.wires.modbus_line import ModbusCable
-from sims.world import World
+from rig.drivers.cia402 import CiA402Pair
+from rig.drivers.watlow_f4t import WatlowF4T
+from rig.drivers.wires import Wires
+from rig.sims.physics import Plant
+from rig.sims.twins.cia402 import CiA402PairTwin
+from rig.sims.twins.watlow_f4t import WatlowF4TTwin
+from rig.sims.wires.can_line import CanCable
+from rig.sims.wires.modbus_line import ModbusCable
+from rig.sims.world import World
 
 CONTRACTS = Path(__file__).parents[2] / "contracts"
 EDS = (CONTRACTS / "cia402_drive.eds").read_text(encoding="utf-8")

@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 from unittest.mock import patch
 
-from rig.controller import start_run
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
-from rig.plans import load_plan
+from rig.runs.controller import start_run
+from rig.runs.plans import load_plan
 from rig.simulated import dry_run
 from rig.tables import run_table
 

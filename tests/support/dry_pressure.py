@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rig.controller import resume_run, start_run
 from rig.engine.session import Outcome, Progress, Signals
 from rig.examples import example
-from rig.plans import load_plan
+from rig.runs.controller import resume_run, start_run
+from rig.runs.plans import load_plan
 
 LAB = example("pressure-lab")
 

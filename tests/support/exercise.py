@@ -14,13 +14,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from drivers.roles import Chamber, Head, PressureController, Reader, Source
-from rig.bench import Bench, open_bench
-from rig.bench_file import check_options
-from rig.config import parse_bench
-from rig.plugins import driver_class
+from rig.bench.bench_file import check_options
+from rig.bench.config import parse_bench
+from rig.bench.plugins import driver_class
+from rig.drivers.roles import Chamber, Head, PressureController, Reader, Source
+from rig.instruments.opening import Bench, open_bench
+from rig.sims.faults import Fault, Kind
 from rig.simulated.dry_run import DryBench
-from sims.faults import Fault, Kind
 
 NAME = "it"
 QUIET = {"lab": {"daily_amplitude_degC": 0.0}}

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.errors import DriverError, NotReady
-from rig.bench import Bench, open_bench
-from rig.bench_file import check_options
-from rig.config import parse_bench
+from rig.bench.bench_file import check_options
+from rig.bench.config import parse_bench
+from rig.drivers.errors import DriverError, NotReady
+from rig.instruments.opening import Bench, open_bench
+from rig.sims.bench import SimBench
+from rig.sims.faults import Fault, Happening, kinds_of, kinds_on
 from rig.simulated.dry_run import DryBench
-from sims.bench import SimBench
-from sims.faults import Fault, Happening, kinds_of, kinds_on
 
 ATTITUDE = """
 name = "attitude"

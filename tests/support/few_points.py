@@ -7,9 +7,9 @@ import itertools
 import ideal_pressure_bench as pressure
 from ideal_bench import PROCEDURE, new_run, run_session
 
-from procedures.attitude.settings import PitchRollProcedure
-from procedures.pressure.settings import WholePlotProcedure
 from rig.engine.session import Outcome
+from rig.procedures.attitude.settings import PitchRollProcedure
+from rig.procedures.pressure.settings import WholePlotProcedure
 from rig.run_file.reader import RunReader
 
 MOST_MV = 0.02

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rig.config import parse_toml
-from rig.toml_text import toml_text
+from rig.bench.config import parse_toml
+from rig.files.toml_text import toml_text
 
 
 def with_sensors(lab: Path, folder: Path, *kept: str) -> tuple[Path, Path]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rig.controller import Result, start_run
 from rig.engine.session import Signals
-from rig.plans import load_plan
+from rig.runs.controller import Result, start_run
+from rig.runs.plans import load_plan
 
 DVM = """
 [instruments.dvm]

@@ -10,16 +10,16 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from drivers.roles import AxisState, Identity
-from procedures.attitude.settings import PitchRollProcedure
-from rig.bench import Bench
-from rig.config import BenchConfig
+from rig.bench.config import BenchConfig
+from rig.drivers.roles import AxisState, Identity
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Outcome, Session, Signals
+from rig.instruments.opening import Bench
+from rig.procedures.attitude.settings import PitchRollProcedure
 from rig.run_file.creation import Genesis, create
 from rig.run_file.state import RunState, fold
 from rig.run_file.writer import RunWriter
-from sims.world import World
+from rig.sims.world import World
 
 CONFIG = BenchConfig.model_validate(
     {

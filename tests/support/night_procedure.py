@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from procedures.attitude.settings import PitchRollProcedure
+from rig.procedures.attitude.settings import PitchRollProcedure
 
 NIGHT = {
     "kind": "pitch-roll",

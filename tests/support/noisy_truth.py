@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from procedures.attitude.data import AttitudeData
-from procedures.pressure.data import WholePlotData
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.pressure.data import WholePlotData
 
 KINDS = ("attitude", "whole plots", "table")
 

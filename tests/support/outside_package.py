@@ -17,8 +17,8 @@ from tempfile import TemporaryDirectory
 from types import ModuleType
 
 import rig
-from procedures.kinds import kinds
 from rig.examples import example
+from rig.procedures.kinds import kinds
 
 SOURCE = Path(__file__).parents[1] / "outside"
 DRIVER = "acme-m7"

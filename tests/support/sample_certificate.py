@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import date
 
-from rig.certificate.document import (
+from rig.verbs.certificate.document import (
     Amendment,
     Condition,
     Dates,
@@ -22,7 +22,7 @@ from rig.certificate.document import (
     Person,
     Supplied,
 )
-from rig.certificate.measured import Budget, Column, Contribution, Effect, Result, ResultTable, Stage, Statement
+from rig.verbs.certificate.measured import Budget, Column, Contribution, Effect, Result, ResultTable, Stage, Statement
 
 LOGO = (
     b'<svg xmlns="http://www.w3.org/2000/svg" width="120" height="60" viewBox="0 0 120 60">'

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from functools import partial
 from types import SimpleNamespace
 
-from drivers.wires import Wires
-from sims.wires.serial_line import SerialCable, register
-from sims.world import World
+from rig.drivers.wires import Wires
+from rig.sims.wires.serial_line import SerialCable, register
+from rig.sims.world import World
 
 _keys = itertools.count(1)
 

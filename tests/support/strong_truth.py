@@ -5,8 +5,8 @@ Nothing here knows the catalogue. A bend is a formula of the output; a table is 
 
 import numpy as np
 
-from procedures.attitude.data import AttitudeData
-from procedures.pressure.data import WholePlotData
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.pressure.data import WholePlotData
 
 SIDE = {"x": 0, "y": 1, "z": 2}
 

@@ -10,12 +10,12 @@ import pytest
 from command import rig
 from scipy import optimize
 
-from fitter import least_squares
-from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.nonlinear import Correlated, Distance, WrittenCurve, solve
-from procedures.general.declared import Declared
-from procedures.general.fit import fit_general
+from rig.fitter import least_squares
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
+from rig.fitter.nonlinear import Correlated, Distance, WrittenCurve, solve
+from rig.procedures.general.declared import Declared
+from rig.procedures.general.fit import fit_general
 from rig.tables import FileSource
 
 LINE = Formula.parse("1 + x")

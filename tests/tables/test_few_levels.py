@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from procedures.general.effects.scene import TableScene, at_levels
-from procedures.general.trace.parts import _shapes
-from procedures.general.trace.places import places_of
+from rig.procedures.general.effects.scene import TableScene, at_levels
+from rig.procedures.general.trace.parts import _shapes
+from rig.procedures.general.trace.places import places_of
 
 LEVELS = np.repeat([0.0, 50.0, 100.0, 150.0, 200.0], 18)
 READ = LEVELS + np.random.default_rng(1).normal(0.0, 0.02, LEVELS.size)

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from fitter.arithmetic_text import FormulaError, parse_expression
-from fitter.errors import FitError
-from fitter.formula import Formula
+from rig.fitter.arithmetic_text import FormulaError, parse_expression
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
 
 _RNG = np.random.default_rng(5)
 TABLE = {

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fitter.errors import FitError
-from fitter.rounding import rounded, rounded_df, rounded_factor, rounded_uncertainty
+from rig.fitter.errors import FitError
+from rig.fitter.rounding import rounded, rounded_df, rounded_factor, rounded_uncertainty
 
 
 @pytest.mark.parametrize(

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from command import rig
 
-from fitter.errors import FitError
-from fitter.nonlinear import Weighted, solve
-from procedures.errors import DataError
-from procedures.general.declared import Declared
-from procedures.general.fit import fit_general
-from procedures.general.infer import CurveCalibration, infer_curve
-from procedures.general.models import NamedCurve, standard_models
-from procedures.general.models.its90 import reference as reference_ratio
-from procedures.general.models.thermocouples import REFERENCE
-from procedures.general.models.thermocouples import reference as emf
+from rig.fitter.errors import FitError
+from rig.fitter.nonlinear import Weighted, solve
+from rig.procedures.errors import DataError
+from rig.procedures.general.declared import Declared
+from rig.procedures.general.fit import fit_general
+from rig.procedures.general.infer import CurveCalibration, infer_curve
+from rig.procedures.general.models import NamedCurve, standard_models
+from rig.procedures.general.models.its90 import reference as reference_ratio
+from rig.procedures.general.models.thermocouples import REFERENCE
+from rig.procedures.general.models.thermocouples import reference as emf
 from rig.tables import FileSource
 
 MODELS = standard_models()

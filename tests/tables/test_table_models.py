@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from command import rig
 
-from procedures.general.declared import Declared
-from procedures.general.fit import fit_general
-from procedures.general.models import standard_models
-from procedures.general.series import Series
+from rig.procedures.general.declared import Declared
+from rig.procedures.general.fit import fit_general
+from rig.procedures.general.models import standard_models
+from rig.procedures.general.series import Series
 from rig.tables import FileSource
 
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "table_models.md").read_text(encoding="utf-8")

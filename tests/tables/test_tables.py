@@ -9,10 +9,10 @@ import pytest
 from command import rig
 from ideal_bench import new_run, run_session
 
-from procedures.attitude.kind import KIND as ATTITUDE
-from procedures.attitude.table import attitude_data
-from procedures.errors import DataError
 from rig.errors import RunFileError, UsageError
+from rig.procedures.attitude.kind import KIND as ATTITUDE
+from rig.procedures.attitude.table import attitude_data
+from rig.procedures.errors import DataError
 from rig.tables import read_table, run_table, write_csv
 
 HEAD = "replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC,x_V"

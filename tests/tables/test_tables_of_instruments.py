@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from command import rig
 
-from fitter.errors import FitError
-from procedures.general.clock_texts import seconds_of
 from rig.errors import UsageError
+from rig.fitter.errors import FitError
+from rig.procedures.general.clock_texts import seconds_of
 from rig.tables import Asked, FileSource, read_any_csv
 
 

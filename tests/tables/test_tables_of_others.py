@@ -15,19 +15,19 @@ import pytest
 import scipy.stats
 from command import rig
 
-from fitter.errors import FitError
-from procedures.attitude.table import attitude_data
-from procedures.errors import DataError
-from procedures.general.clock_texts import seconds_of
-from procedures.general.directions import are_directions, likely_words, sides_of
-from procedures.general.fit import fit_general
-from procedures.general.rows import LinearRows
 from rig.errors import UsageError
-from rig.results.seen import look_at
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.table import attitude_data
+from rig.procedures.errors import DataError
+from rig.procedures.general.clock_texts import seconds_of
+from rig.procedures.general.directions import are_directions, likely_words, sides_of
+from rig.procedures.general.fit import fit_general
+from rig.procedures.general.rows import LinearRows
 from rig.tables import Asked, FileSource, read_any_csv, read_gappy_csv, read_table
 from rig.tables.of_others import footers
 from rig.tables.of_others.layout import is_value
 from rig.tables.of_others.lines import Line
+from rig.verbs.data.unknown_table import look_at
 
 X = np.array([0.0, 1.0, 2.0, 5.0, 10.0, 5.0, 2.0, 1.0])
 Y = 0.125 + 2.0 * X + np.array([0.01, -0.02, 0.03, -0.01, 0.02, 0.01, -0.03, -0.01])

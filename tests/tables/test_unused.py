@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from command import rig
 
-from procedures.unused import other_unit
 from proving.truth.pressure import HOMOSCEDASTIC, simulate
+from rig.procedures.tables.unused import other_unit
 from rig.tables import write_csv
 
 

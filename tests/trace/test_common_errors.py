@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter.trace.chance import ALPHA, COUNTED
-from procedures.pressure.fit import named_formula
-from procedures.pressure.trace import null, trace_whole_plots
-from procedures.pressure.trace.common import common_error
-from procedures.pressure.trace.problem import pose
-from procedures.pressure.trace.run import scene_of
 from proving.truth.whole_plot import WHOLE_PLOT, Bench, Transducer, simulate
+from rig.fitter.trace.chance import ALPHA, COUNTED
+from rig.procedures.pressure.fit import named_formula
+from rig.procedures.pressure.trace import null, trace_whole_plots
+from rig.procedures.pressure.trace.common import common_error
+from rig.procedures.pressure.trace.problem import pose
+from rig.procedures.pressure.trace.run import scene_of
 
 TWO = (Transducer(), Transducer(offset=-0.2, sensitivity=1.7))
 ONE, OTHER = "bridge_1_mV", "bridge_2_mV"

@@ -9,7 +9,7 @@ from command import rig
 from dry_pressure import LAB, SHORT, dry
 
 from proving.truth.whole_plot import Bench, Run, simulate
-from rig.config import parse_procedure
+from rig.bench.config import parse_procedure
 from rig.tables import write_csv
 
 ONE_TEMPERATURE = (
@@ -53,8 +53,8 @@ def test_fit_trace_and_acceptance_use_the_model_of_the_run_file(run):
     assert found["data"]["model"]["source"] == "procedure"
     assert set(found["sensors"]["bridge_1_mV"]["coefficients"]) == {"1", "P"}
     assert fitted("trace", run)["sensors"]["bridge_1_mV"]["declared"] == "1 + P"
-    from rig.accepted import judge  # noqa: PLC0415
-    from rig.plans import load_plan  # noqa: PLC0415
+    from rig.runs.accepted import judge  # noqa: PLC0415
+    from rig.runs.plans import load_plan  # noqa: PLC0415
 
     verdicts = judge(load_plan(run.parent / "short.toml", LAB / "bench.toml").procedure, run)
     assert {v.inside for v in verdicts} == {True}

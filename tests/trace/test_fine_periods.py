@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 import proving.strangers
-from fitter.trace.fine_periods import fine_period
-from fitter.trace.flexible import remainders
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import trace_general
-from procedures.table import Table
 from proving.strangers.runs import made_of
 from proving.strangers.scoring import said_of
 from proving.strangers.sets import load
 from proving.strangers.traced import traced
+from rig.fitter.trace.fine_periods import fine_period
+from rig.fitter.trace.flexible import remainders
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import trace_general
+from rig.procedures.tables.table import Table
 
 
 def trace(columns):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from command import rig
 
-from fitter.gross import gross_errors
+from rig.fitter.gross import gross_errors
 
 N, ALIKE, SD = 500, 50, 1e-3
 

@@ -11,18 +11,18 @@ import pytest
 import robust_examples
 from command import rig
 
-from fitter.formula import Formula
-from fitter.gross import gross_errors
-from fitter.gross.rows import Rows
-from fitter.sums_of_squares import own_parameters
-from fitter.trace.growing_noise import noise_of
-from procedures.attitude.gross import of_attitude
-from procedures.general.column_roles import Roles, read_roles
-from procedures.general.gross import of_table
-from procedures.pressure.fit import named_formula
-from procedures.pressure.gross import of_whole_plots
 from proving.truth import attitude as attitude_truth
 from proving.truth import whole_plot as whole_plot_truth
+from rig.fitter.formula import Formula
+from rig.fitter.gross import gross_errors
+from rig.fitter.gross.rows import Rows
+from rig.fitter.sums_of_squares import own_parameters
+from rig.fitter.trace.growing_noise import noise_of
+from rig.procedures.attitude.gross import of_attitude
+from rig.procedures.general.column_roles import Roles, read_roles
+from rig.procedures.general.gross import of_table
+from rig.procedures.pressure.fit import named_formula
+from rig.procedures.pressure.gross import of_whole_plots
 from rig.tables import FileSource, write_csv
 
 FULL = named_formula("full", ())

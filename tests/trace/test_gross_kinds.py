@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from command import rig
 
-from fitter.formula import Formula
-from fitter.nonlinear import Distance
-from procedures.attitude.gross import of_attitude
-from procedures.general.gross import of_table
-from procedures.general.rows import CurveRows
 from proving.statistics.planted_errors import KINDS
 from proving.truth import attitude as attitude_truth
+from rig.fitter.formula import Formula
+from rig.fitter.nonlinear import Distance
+from rig.procedures.attitude.gross import of_attitude
+from rig.procedures.general.gross import of_table
+from rig.procedures.general.rows import CurveRows
 from rig.tables import write_csv
 
 SIGMA_DEG = 1e-3

@@ -7,16 +7,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.effects import effects_of
-from procedures.general.effects.literal import Rows, column
-from procedures.general.effects.time_columns import lag, lagging, of_start
-from procedures.general.run_terms import columns_of
-from procedures.general.together import Remembered, Whole
-from procedures.general.trace import family, trace_general
-from procedures.general.trace.cross import _undetermined
-from procedures.general.trace.run import problem_of
-from procedures.table import Table
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.effects import effects_of
+from rig.procedures.general.effects.literal import Rows, column
+from rig.procedures.general.effects.time_columns import lag, lagging, of_start
+from rig.procedures.general.run_terms import columns_of
+from rig.procedures.general.together import Remembered, Whole
+from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace.cross import _undetermined
+from rig.procedures.general.trace.run import problem_of
+from rig.procedures.tables.table import Table
 
 TAU, SIZE, NOISE = 240.0, -0.0006, 1e-5
 LOADS = np.concatenate([np.arange(11.0), np.arange(9.0, -1.0, -1.0)])

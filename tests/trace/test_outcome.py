@@ -2,7 +2,7 @@
 
 import json
 
-from fitter.trace.outcome import Finding, Outcome, Parameter, Row, WithError, absent, run_json
+from rig.fitter.trace.outcome import Finding, Outcome, Parameter, Row, WithError, absent, run_json
 
 CREEP = Finding(
     kind="effect",

@@ -5,21 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter.effects.entry import Largest
-from fitter.effects.own import own_effects
-from procedures.attitude.effects import CATALOGUE, Effect
-from procedures.attitude.effects.own import GRAMMAR as OF_ATTITUDE
-from procedures.attitude.trace import trace
-from procedures.catalogue import with_own
-from procedures.errors import DataError
-from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.effects.own import GRAMMAR as OF_PRESSURE
-from procedures.pressure.effects.scene import PressureEffect
-from procedures.pressure.trace import trace_whole_plots
 from proving.truth.attitude import D1, Bench, simulate
 from proving.truth.whole_plot import simulate as simulate_pressure
 from rig.effects import laboratory_effects
 from rig.errors import ConfigurationError
+from rig.fitter.effects.entry import Largest
+from rig.fitter.effects.own import own_effects
+from rig.procedures.attitude.effects import CATALOGUE, Effect
+from rig.procedures.attitude.effects.own import GRAMMAR as OF_ATTITUDE
+from rig.procedures.attitude.trace import trace
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.catalogue import with_own
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
+from rig.procedures.pressure.effects.own import GRAMMAR as OF_PRESSURE
+from rig.procedures.pressure.effects.scene import PressureEffect
+from rig.procedures.pressure.trace import trace_whole_plots
 
 DRAUGHT = """
 [[effect]]

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter.trace import aliases
-from fitter.trace.aliases import PER_COLUMN, Products
-from procedures.attitude.trace import trace
 from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate, told_the_truth
+from rig.fitter.trace import aliases
+from rig.fitter.trace.aliases import PER_COLUMN, Products
+from rig.procedures.attitude.trace import trace
 
 X, Y, Z = "x_V", "y_V", "z_V"
 NIGHT = D1(180, 19, 13)  # half of the demo's, whose 2,886 points show no more than these

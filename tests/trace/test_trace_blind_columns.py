@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from procedures.errors import DataError
-from procedures.general.column_roles import Roles, parts_played, roles_of
-from procedures.general.evaluate import GeneralTraced
-from procedures.general.trace import family, trace_general
-from procedures.table import Table
+from rig.procedures.errors import DataError
+from rig.procedures.general.column_roles import Roles, parts_played, roles_of
+from rig.procedures.general.evaluate import GeneralTraced
+from rig.procedures.general.trace import family, trace_general
+from rig.procedures.tables.table import Table
 
 
 @pytest.fixture(autouse=True)

@@ -13,16 +13,16 @@ import pytest
 from strangers_tables import table
 
 import rig
-from fitter.trace.constancy import OWN_SIZE, change, products
-from fitter.trace.exchange import stands_in
-from fitter.trace.flexible import waves
-from fitter.trace.sudden import lead_over_slopes, slopes
-from procedures.attitude.trace import trace
-from procedures.general.trace import family
-from procedures.pressure.trace import null
 from proving.strangers.traced import options_of, with_file, without_left_out
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN, sized
+from rig.fitter.trace.constancy import OWN_SIZE, change, products
+from rig.fitter.trace.exchange import stands_in
+from rig.fitter.trace.flexible import waves
+from rig.fitter.trace.sudden import lead_over_slopes, slopes
+from rig.procedures.attitude.trace import trace
+from rig.procedures.general.trace import family
+from rig.procedures.pressure.trace import null
 
 
 @pytest.fixture(autouse=True)

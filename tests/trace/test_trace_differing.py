@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter.quantiles import t_limit
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.trace.estimate import estimate
-from procedures.attitude.trace.pose import pose
 from proving.truth.attitude import D1, Bench, Sensor, simulate
+from rig.fitter.quantiles import t_limit
+from rig.procedures.attitude.effects import CATALOGUE
+from rig.procedures.attitude.trace.estimate import estimate
+from rig.procedures.attitude.trace.pose import pose
 
 PLAN = D1(90, 7, 6)
 READING = np.radians(1.5e-4) * 5.0

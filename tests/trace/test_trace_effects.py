@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from procedures.attitude.effects import CATALOGUE, separate
-from procedures.attitude.effects.effect import PREREQUISITES
-from procedures.attitude.evaluate import attitude_sentence
-from procedures.attitude.trace import trace
 from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate, told_the_truth
 from proving.truth.attitude_hidden import CLEAN, HIDDEN, sized
+from rig.procedures.attitude.effects import CATALOGUE, separate
+from rig.procedures.attitude.effects.effect import PREREQUISITES
+from rig.procedures.attitude.evaluate import attitude_sentence
+from rig.procedures.attitude.trace import trace
 
 pytestmark = pytest.mark.usefixtures("few_draws")
 

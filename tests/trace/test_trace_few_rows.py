@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import trace_general
-from procedures.table import Table
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import trace_general
+from rig.procedures.tables.table import Table
 
 VOLTAGE_MV = [0, 0.19, 0.4, 0.65, 0.76, 1.05, 1.28, 1.51, 1.75, 1.96, 2.16, 2.43, 2.6, 2.83, 3.03, 3.23, 3.45, 3.65]
 VOLTAGE_MV += [3.88, 4.04, 4.07]

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from procedures.attitude.trace import trace
-from procedures.attitude.trace.grid import same_on_grid
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN
+from rig.procedures.attitude.trace import trace
+from rig.procedures.attitude.trace.grid import same_on_grid
 
 PLAN = D1(180, 13, 13, replications=4)
 

@@ -8,30 +8,30 @@ import numpy as np
 import pytest
 from scipy import special
 
-from fitter.linear import least_squares, orthonormal
-from fitter.replication import Rows, analyse, drift_of, sigma_E
-from fitter.trace.aliases import DELTA, PER_COLUMN, Products, _paths, rivals
-from fitter.trace.lines import line, lines
-from fitter.trace.shape import nearest
-from fitter.trace.whitened import Whitened
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.trace.estimate import estimate, stated
-from procedures.attitude.trace.judge import _together
-from procedures.attitude.trace.pose import pose
-from procedures.attitude.trace.replications import Between
-from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.fit import named_formula
-from procedures.pressure.trace.estimate import design_of
-from procedures.pressure.trace.estimate import estimate as estimate_plots
-from procedures.pressure.trace.neighbours import RHO, neighbours
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.problem import pose as pose_plots
-from procedures.pressure.trace.run import scene_of
-from procedures.pressure.trace.score import _scored, beside, score
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN
 from proving.truth.whole_plot import Bench, Run, Transducer
 from proving.truth.whole_plot import simulate as simulate_plots
+from rig.fitter.linear import least_squares, orthonormal
+from rig.fitter.replication import Rows, analyse, drift_of, sigma_E
+from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Products, _paths, rivals
+from rig.fitter.trace.lines import line, lines
+from rig.fitter.trace.shape import nearest
+from rig.fitter.trace.whitened import Whitened
+from rig.procedures.attitude.effects import CATALOGUE
+from rig.procedures.attitude.trace.estimate import estimate, stated
+from rig.procedures.attitude.trace.judge import _together
+from rig.procedures.attitude.trace.pose import pose
+from rig.procedures.attitude.trace.replications import Between
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
+from rig.procedures.pressure.fit import named_formula
+from rig.procedures.pressure.trace.estimate import design_of
+from rig.procedures.pressure.trace.estimate import estimate as estimate_plots
+from rig.procedures.pressure.trace.neighbours import RHO, neighbours
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.problem import pose as pose_plots
+from rig.procedures.pressure.trace.run import scene_of
+from rig.procedures.pressure.trace.score import _scored, beside, score
 
 SMALL = D1(60, 5, 5, replications=4)
 
@@ -202,7 +202,7 @@ def test_what_a_level_removes_is_what_is_missing_in_the_remainder(attitude):
 def test_tables_of_an_estimate_are_made_when_they_are_read(attitude, monkeypatch):
     made = []
     monkeypatch.setattr(
-        "procedures.attitude.trace.estimate.analyse", lambda *given: made.append(given) or analyse(*given)
+        "rig.procedures.attitude.trace.estimate.analyse", lambda *given: made.append(given) or analyse(*given)
     )
     fitted = estimate(attitude, (0,))
     errors = stated(fitted)

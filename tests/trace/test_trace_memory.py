@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitter.trace.latches import latches
-from procedures.attitude.trace import trace
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import family, trace_general
-from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.trace import trace_whole_plots
-from procedures.table import Table
 from proving.truth import whole_plot
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN, sized
+from rig.fitter.trace.latches import latches
+from rig.procedures.attitude.trace import trace
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import family, trace_general
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
+from rig.procedures.pressure.trace import trace_whole_plots
+from rig.procedures.tables.table import Table
 
 X, BRIDGE = "x_V", "bridge_1_mV"
 

@@ -9,14 +9,14 @@ import pytest
 from strangers_tables import table
 
 import rig
-from fitter.trace.flexible import Block, evidence, orders_of, remainders, turns, waves
-from fitter.trace.lines import CLEAR, line
-from procedures.attitude.effects.steps import OFFSET_STEP_UNRECORDED
-from procedures.attitude.trace import trace
-from procedures.attitude.trace.pose import pose
-from procedures.attitude.trace.refine import refined
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN
+from rig.fitter.trace.flexible import Block, evidence, orders_of, remainders, turns, waves
+from rig.fitter.trace.lines import CLEAR, line
+from rig.procedures.attitude.effects.steps import OFFSET_STEP_UNRECORDED
+from rig.procedures.attitude.trace import trace
+from rig.procedures.attitude.trace.pose import pose
+from rig.procedures.attitude.trace.refine import refined
 
 PLAN = D1(180, 13, 13, replications=4)
 X = "x_V"

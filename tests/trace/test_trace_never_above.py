@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from strangers_tables import table
 
-from fitter.trace.keep import left_in, never_above, taken_out
-from fitter.trace.not_kept import in_place_of
 from proving.strangers.runs import scored
+from rig.fitter.trace.keep import left_in, never_above, taken_out
+from rig.fitter.trace.not_kept import in_place_of
 
 
 class _Judge:

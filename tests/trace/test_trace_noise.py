@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from procedures.attitude.effects.gears import periods
-from procedures.attitude.effects.thermal import lagged
-from procedures.attitude.trace import trace
 from proving.truth.attitude import D1, Bench, simulate
 from proving.truth.attitude_hidden import CLEAN, sized
+from rig.procedures.attitude.effects.gears import periods
+from rig.procedures.attitude.effects.thermal import lagged
+from rig.procedures.attitude.trace import trace
 
 X = "x_V"
 PLAN = D1(180, 13, 7)

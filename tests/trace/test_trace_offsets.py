@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.trace.offsets import VARIANCES, slopes, wandering
-from procedures.attitude.trace.pose import pose
-from procedures.attitude.trace.replications import slow_of
 from proving.truth.attitude import D1, Bench, simulate
+from rig.procedures.attitude.effects import CATALOGUE
+from rig.procedures.attitude.trace.offsets import VARIANCES, slopes, wandering
+from rig.procedures.attitude.trace.pose import pose
+from rig.procedures.attitude.trace.replications import slow_of
 
 RUNS, SENSORS, N = 1500, 3, 6
 TREND = np.arange(N) - 2.5

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.trace import trace
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects import CATALOGUE
+from rig.procedures.attitude.trace import trace
 
 
 def _run(seed: int, replications: int, hum_V: float = 0.0, period_s: float = 200.0) -> AttitudeData:

@@ -8,17 +8,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from fitter.trace.in_part import p_in_part
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import family, trace_general
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.nameless import Nameless
-from procedures.general.trace.noise import Wandering
-from procedures.general.trace.parts import in_parts
-from procedures.general.trace.run import problem_of
-from procedures.pressure.trace import null, trace_whole_plots
-from procedures.table import Table
 from proving.truth.whole_plot import SUBPLOT, Bench, Run, Transducer, simulate
+from rig.fitter.trace.in_part import p_in_part
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.nameless import Nameless
+from rig.procedures.general.trace.noise import Wandering
+from rig.procedures.general.trace.parts import in_parts
+from rig.procedures.general.trace.run import problem_of
+from rig.procedures.pressure.trace import null, trace_whole_plots
+from rig.procedures.tables.table import Table
 
 ONE = "bridge_1_mV"
 

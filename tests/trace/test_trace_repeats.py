@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitter.trace.repeats import repeats
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import family, report, trace_general
-from procedures.table import Table
+from rig.fitter.trace.repeats import repeats
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import family, report, trace_general
+from rig.procedures.tables.table import Table
 
 PERIOD_S = 438.0
 

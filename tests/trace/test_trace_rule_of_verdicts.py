@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from fitter.trace.jointly import polynomials, spread_evenly
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import family, report
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.run import problem_of
-from procedures.general.trace.together import together
-from procedures.table import Table
 from proving.statistics.laws import SHAPES, blind, judged
 from proving.truth.laws import laws
 from proving.truth.table import options, simulate
+from rig.fitter.trace.jointly import polynomials, spread_evenly
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import family, report
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.run import problem_of
+from rig.procedures.general.trace.together import together
+from rig.procedures.tables.table import Table
 
 
 @pytest.fixture(autouse=True)

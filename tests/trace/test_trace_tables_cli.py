@@ -7,13 +7,13 @@ import json
 
 import pytest
 
-from procedures.effects_shown import show_certificate
-from procedures.general.trace import family
-from procedures.words import units
 from proving.truth.table import MISSING, simulate
 from rig.cli import main
 from rig.cli.show import out
-from rig.present.terminal import show
+from rig.procedures.general.trace import family
+from rig.procedures.present.effects_shown import show_certificate
+from rig.procedures.present.terminal import show
+from rig.procedures.present.words import units
 
 DECLARED = ("--response", "y", "--formula", "1 + x")
 EFFECT_KEYS = {

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from fitter.trace.coarse import lattice
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import family, trace_general
-from procedures.table import Table
+from rig.fitter.trace.coarse import lattice
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import family, trace_general
+from rig.procedures.tables.table import Table
 
 LEVELS = np.linspace(0.0, 200.0, 9)
 

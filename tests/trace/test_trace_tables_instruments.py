@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.effects.quantities import are_neighbours, is_quantity
-from procedures.general.trace import family, trace_general
-from procedures.table import Table
 from proving.statistics.laboratories import named
 from proving.truth.instruments import CAUSES
 from proving.truth.table import Lab, options, simulate
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.effects.quantities import are_neighbours, is_quantity
+from rig.procedures.general.trace import family, trace_general
+from rig.procedures.tables.table import Table
 
 
 @pytest.fixture(autouse=True)

@@ -2,13 +2,13 @@
 
 import pytest
 
-from fitter.trace.search import names_of
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import search_table
-from procedures.general.trace.laws import other_laws
-from procedures.general.trace.nameless import Nameless
-from procedures.table import Table
 from proving.truth.table import MISSING, options, simulate
+from rig.fitter.trace.search import names_of
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import search_table
+from rig.procedures.general.trace.laws import other_laws
+from rig.procedures.general.trace.nameless import Nameless
+from rig.procedures.tables.table import Table
 
 
 def traced(name, seed):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fitter.trace.two_levels import two_levels
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import family, trace_general
-from procedures.table import Table
 from proving.truth.table import Lab, options, simulate
+from rig.fitter.trace.two_levels import two_levels
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import family, trace_general
+from rig.procedures.tables.table import Table
 
 
 @pytest.fixture(autouse=True)

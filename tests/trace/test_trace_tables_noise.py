@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from scipy.special import fdtrc
 
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.effects.scene import TableScene
-from procedures.general.trace import both, search_table
-from procedures.general.trace.both import STEPS, WANDERS, Both
-from procedures.general.trace.family import family_of
-from procedures.general.trace.likelihood import Grid
-from procedures.general.trace.noise import WIDE, Wandering
-from procedures.general.trace.problem import Problem, candidates_of
-from procedures.general.trace.robust import excess
-from procedures.general.trace.score import View, score
-from procedures.general.trace.shared import RATIOS, Shared
-from procedures.table import Table
 from proving.truth.table import MISSING, Lab, options, simulate
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.effects.scene import TableScene
+from rig.procedures.general.trace import both, search_table
+from rig.procedures.general.trace.both import STEPS, WANDERS, Both
+from rig.procedures.general.trace.family import family_of
+from rig.procedures.general.trace.likelihood import Grid
+from rig.procedures.general.trace.noise import WIDE, Wandering
+from rig.procedures.general.trace.problem import Problem, candidates_of
+from rig.procedures.general.trace.robust import excess
+from rig.procedures.general.trace.score import View, score
+from rig.procedures.general.trace.shared import RATIOS, Shared
+from rig.procedures.tables.table import Table
 
 N = 14
 WHEN = np.cumsum(np.random.default_rng(2).uniform(0.3, 2.0, N))

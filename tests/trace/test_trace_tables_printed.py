@@ -7,15 +7,15 @@ import re
 import numpy as np
 import pytest
 
-from procedures.errors import DataError
-from procedures.general import report as general_report
-from procedures.general.column_roles import Roles, parts_played, roles_of
-from procedures.general.effects import effects_of
-from procedures.general.evaluate import GeneralTraced
-from procedures.general.trace import family, trace_general
-from procedures.table import Table
 from proving.truth.table import MISSING, options, simulate
-from rig.report.frame import render
+from rig.procedures.errors import DataError
+from rig.procedures.general import report as general_report
+from rig.procedures.general.column_roles import Roles, parts_played, roles_of
+from rig.procedures.general.effects import effects_of
+from rig.procedures.general.evaluate import GeneralTraced
+from rig.procedures.general.trace import family, trace_general
+from rig.procedures.tables.table import Table
+from rig.verbs.page import render
 
 
 @pytest.fixture(autouse=True)

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace.estimate import estimate
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.run import problem_of
-from procedures.table import Table
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace.estimate import estimate
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.run import problem_of
+from rig.procedures.tables.table import Table
 
 PLOTS, ROWS = 12, 5
 

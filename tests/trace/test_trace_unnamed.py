@@ -9,28 +9,28 @@ import pytest
 from test_trace_nameless import PLAN, X, with_error
 from test_trace_tables_nameless import sensor_of
 
-from procedures.attitude.evaluate import AttitudeTraced
-from procedures.attitude.trace import trace
-from procedures.attitude.trace.drawn import axes_of as attitude_axes
-from procedures.attitude.trace.places import between_replications
-from procedures.attitude.trace.places import places_of as attitude_places
-from procedures.general.column_roles import Roles
-from procedures.general.evaluate import trace_general_table
-from procedures.general.trace import family
-from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.evaluate import WholePlotTraced
-from procedures.pressure.fitted import Declared
-from procedures.pressure.trace import null, trace_whole_plots
-from procedures.pressure.trace.drawn import axes_of as pressure_axes
-from procedures.pressure.trace.places import places_of as pressure_places
-from procedures.pressure.trace.run import scene_of
-from procedures.table import Table
-from procedures.text_picture import picture
 from proving.truth.attitude import simulate
 from proving.truth.attitude_hidden import CLEAN
 from proving.truth.whole_plot import SUBPLOT
 from proving.truth.whole_plot import simulate as simulate_whole_plots
-from rig.report.frame import render
+from rig.procedures.attitude.evaluate import AttitudeTraced
+from rig.procedures.attitude.trace import trace
+from rig.procedures.attitude.trace.drawn import axes_of as attitude_axes
+from rig.procedures.attitude.trace.places import between_replications
+from rig.procedures.attitude.trace.places import places_of as attitude_places
+from rig.procedures.general.column_roles import Roles
+from rig.procedures.general.evaluate import trace_general_table
+from rig.procedures.general.trace import family
+from rig.procedures.present.text_picture import picture
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
+from rig.procedures.pressure.evaluate import WholePlotTraced
+from rig.procedures.pressure.fitted import Declared
+from rig.procedures.pressure.trace import null, trace_whole_plots
+from rig.procedures.pressure.trace.drawn import axes_of as pressure_axes
+from rig.procedures.pressure.trace.places import places_of as pressure_places
+from rig.procedures.pressure.trace.run import scene_of
+from rig.procedures.tables.table import Table
+from rig.verbs.page import render
 
 ONE = "bridge_1_mV"
 

@@ -10,24 +10,24 @@ import numpy as np
 import pytest
 import strong_truth
 
-from fitter.trace.chance import ALPHA
-from fitter.trace.found import Unnamed, verdict
-from fitter.trace.keep import kept
-from fitter.trace.shares import of_rest, shares
-from procedures.attitude.effects import CATALOGUE
-from procedures.attitude.trace import trace
-from procedures.attitude.trace.estimate import estimate
-from procedures.attitude.trace.family import family_of
-from procedures.attitude.trace.judge import AttitudeJudge
-from procedures.attitude.trace.pose import pose
-from procedures.attitude.trace.run import stays
-from procedures.attitude.trace.score import score
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.trace import family, trace_general
-from procedures.general.trace.run import LEVEL
-from procedures.pressure.trace import trace_whole_plots
-from procedures.table import Table
-from procedures.words import verdict_of
+from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.found import Unnamed, verdict
+from rig.fitter.trace.keep import kept
+from rig.fitter.trace.shares import of_rest, shares
+from rig.procedures.attitude.effects import CATALOGUE
+from rig.procedures.attitude.trace import trace
+from rig.procedures.attitude.trace.estimate import estimate
+from rig.procedures.attitude.trace.family import family_of
+from rig.procedures.attitude.trace.judge import AttitudeJudge
+from rig.procedures.attitude.trace.pose import pose
+from rig.procedures.attitude.trace.run import stays
+from rig.procedures.attitude.trace.score import score
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace.run import LEVEL
+from rig.procedures.present.words import verdict_of
+from rig.procedures.pressure.trace import trace_whole_plots
+from rig.procedures.tables.table import Table
 
 pytestmark = pytest.mark.usefixtures("few_draws")
 KINDS = ("attitude", "whole plots", "table")

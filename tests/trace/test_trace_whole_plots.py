@@ -6,17 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter import RankError
-from fitter.arithmetic_text import FormulaError
-from fitter.trace.chance import ALPHA
-from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.effects.separation import separate_pressure
-from procedures.pressure.fit import named_formula
-from procedures.pressure.trace import null, trace_whole_plots
-from procedures.pressure.trace.null import family_of
-from procedures.pressure.trace.problem import pose
-from procedures.pressure.trace.run import scene_of
-from procedures.pressure.trace.score import score
 from proving.truth.whole_plot import (
     CUBIC,
     GROWING,
@@ -29,6 +18,17 @@ from proving.truth.whole_plot import (
     simulate,
 )
 from proving.truth.whole_plot_hidden import HIDDEN, hide
+from rig.fitter import RankError
+from rig.fitter.arithmetic_text import FormulaError
+from rig.fitter.trace.chance import ALPHA
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
+from rig.procedures.pressure.effects.separation import separate_pressure
+from rig.procedures.pressure.fit import named_formula
+from rig.procedures.pressure.trace import null, trace_whole_plots
+from rig.procedures.pressure.trace.null import family_of
+from rig.procedures.pressure.trace.problem import pose
+from rig.procedures.pressure.trace.run import scene_of
+from rig.procedures.pressure.trace.score import score
 
 ONE = "bridge_1_mV"
 # the truth's coefficient at the amplitude in HIDDEN, where it has one in the unit of the effect

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from procedures.pressure.trace import null, trace_whole_plots
-from procedures.pressure.trace.reasons import of_alias
 from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Transducer, simulate
+from rig.procedures.pressure.trace import null, trace_whole_plots
+from rig.procedures.pressure.trace.reasons import of_alias
 
 
 @pytest.mark.parametrize("seed", [1, 3])

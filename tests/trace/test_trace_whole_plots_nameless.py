@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter.trace.among_alike import Shape
-from fitter.trace.chance import ALPHA
-from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.fit import named_formula
-from procedures.pressure.trace import null, trace_whole_plots
-from procedures.pressure.trace.courses import Course, courses
-from procedures.pressure.trace.null import family_of
-from procedures.pressure.trace.problem import pose
-from procedures.pressure.trace.run import scene_of
-from procedures.pressure.trace.score import score
 from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Run, Transducer, simulate
 from proving.truth.whole_plot_hidden import hide
+from rig.fitter.trace.among_alike import Shape
+from rig.fitter.trace.chance import ALPHA
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
+from rig.procedures.pressure.fit import named_formula
+from rig.procedures.pressure.trace import null, trace_whole_plots
+from rig.procedures.pressure.trace.courses import Course, courses
+from rig.procedures.pressure.trace.null import family_of
+from rig.procedures.pressure.trace.problem import pose
+from rig.procedures.pressure.trace.run import scene_of
+from rig.procedures.pressure.trace.score import score
 
 ONE = "bridge_1_mV"
 SEEDS = (9101, 9104, 9106, 9107)

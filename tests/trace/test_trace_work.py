@@ -7,23 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitter.linear import orthonormal
-from fitter.resolution import robust_sd
-from procedures.general.column_roles import Roles, roles_of
-from procedures.general.effects.scene import Stood
-from procedures.general.effects.time_columns import lagging
-from procedures.general.trace import cross, family, judge
-from procedures.general.trace.both import Both
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.lengths import Simulated
-from procedures.general.trace.likelihood import Grid
-from procedures.general.trace.noise import WIDE, Independent, Wandering
-from procedures.general.trace.rivals import rivals
-from procedures.general.trace.run import problem_of
-from procedures.general.trace.score import View
-from procedures.general.trace.shared import Shared
-from procedures.table import Table
 from proving.truth.table import MISSING, Lab, options, simulate
+from rig.fitter.linear import orthonormal
+from rig.fitter.resolution import robust_sd
+from rig.procedures.general.column_roles import Roles, roles_of
+from rig.procedures.general.effects.scene import Stood
+from rig.procedures.general.effects.time_columns import lagging
+from rig.procedures.general.trace import cross, family, judge
+from rig.procedures.general.trace.both import Both
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.lengths import Simulated
+from rig.procedures.general.trace.likelihood import Grid
+from rig.procedures.general.trace.noise import WIDE, Independent, Wandering
+from rig.procedures.general.trace.rivals import rivals
+from rig.procedures.general.trace.run import problem_of
+from rig.procedures.general.trace.score import View
+from rig.procedures.general.trace.shared import Shared
+from rig.procedures.tables.table import Table
 
 LARGE = Lab(2600, 4, clock=True)
 """So many rows and candidates that every family has the fewest draws."""

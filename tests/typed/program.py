@@ -8,9 +8,9 @@ import pandas
 import xarray
 
 import rig
-from rig.results.data import Calibration, Data
-from rig.results.observations import Observations
-from rig.results.result import Plots
+from rig.verbs.data.result import Calibration, Data
+from rig.verbs.observations import Observations
+from rig.verbs.result import Plots
 
 run = rig.open("run.sqlite")
 assert_type(run.table, Observations)

@@ -19,9 +19,9 @@ from dry import LAB
 from small_run import write_small
 from test_notify import Hook, serving
 
-from drivers.wires.addresses import parse_address
-from rig.config import BenchConfig
-from rig.locks import locked_addresses
+from rig.bench.config import BenchConfig
+from rig.drivers.wires.addresses import parse_address
+from rig.instruments.locks import locked_addresses
 from rig.unattended.doctor import addresses, disk, time_of_day
 from rig.unattended.doctor.disk import check_disk, mounted
 from rig.unattended.doctor.instruments import check_due, check_instruments

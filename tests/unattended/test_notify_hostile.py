@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from command import rig
 
-from drivers.clock import RealClock
+from rig.drivers.clock import RealClock
 from rig.errors import ConfigurationError
 from rig.unattended import Happening, Kind, RunFacts
 from rig.unattended.notify import (

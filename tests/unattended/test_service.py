@@ -18,8 +18,8 @@ from dry import LAB
 from ideal_bench import new_run, run_session
 from small_run import write_small
 
+from rig.bench.config import parse_bench
 from rig.cli.unattended import facts_of
-from rig.config import parse_bench
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import ExitCode
 from rig.run_file.live import replace_json, request_path
@@ -259,7 +259,7 @@ def interrupted(path, how):
 
 
 def LimitErrorOf():
-    from drivers.errors import LimitError  # noqa: PLC0415
+    from rig.drivers.errors import LimitError  # noqa: PLC0415
 
     return LimitError("head: refused")
 
@@ -277,7 +277,7 @@ def LimitErrorOf():
 )
 def test_status_tells_scripts_how_it_is_and_a_crash_is_known_as_one(tmp_path, monkeypatch, how, outcome, crash, code):
     path, ticks = new_run(tmp_path), itertools.count()
-    monkeypatch.setattr("sims.world.World.stopwatch", lambda _self: float(next(ticks)))  # requests are seen at once
+    monkeypatch.setattr("rig.sims.world.World.stopwatch", lambda _self: float(next(ticks)))  # requests are seen at once
     if how:
         assert interrupted(path, how) is outcome
     assert facts_of(path).after_crash is crash

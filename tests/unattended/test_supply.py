@@ -103,7 +103,7 @@ def test_users_get_no_development_tools_and_no_peers(tmp_path):
     others = {n for extra in PROJECT["optional-dependencies"].values() for n in names(extra)}
     assert {canonicalize_name(one.name) for one in wanted} == pulled | others
     assert others & pulled == set()
-    assert inside == {"rig", "drivers", "sims", "procedures", "fitter", "contracts", about.name}
+    assert inside == {"rig", about.name}
     run = {name for name, _, _ in pins(ROOT / "locks" / "run.txt")}
     assert run & (others - pulled) == set()
     assert names(PROJECT["dependencies"]) <= run

@@ -20,16 +20,16 @@ from command import rig
 from dry import dry
 from ideal_bench import PROCEDURE, new_run, run_session
 
-from drivers.clock import RealClock
-from procedures.run_list import Factor, Point, RunList
-from rig.closed_loop import fit_table
+from rig.by_kind import fit_table
+from rig.drivers.clock import RealClock
 from rig.engine.settling import Criteria, Settling
-from rig.previous import read_previous
+from rig.procedures.plan.run_list import Factor, Point, RunList
 from rig.run_file import live as live_module
 from rig.run_file.chain import Record, encode
 from rig.run_file.creation import Genesis, create
 from rig.run_file.live import live_path, replace_json
 from rig.run_file.writer import RunWriter
+from rig.runs.previous import read_previous
 from rig.tables import read_table
 from rig.watch import Access, Shelf, make_app
 from rig.watch.feed import RunFeed, encoded, said

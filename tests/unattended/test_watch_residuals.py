@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from procedures.pressure.expected import model_columns
+from rig.procedures.pressure.expected import model_columns
 from rig.watch.reading import Seen
 from rig.watch.residuals import residuals
 

@@ -9,9 +9,9 @@ A laboratory adds an effect of its own without code here: `RIG_EFFECTS`, CONTRIB
 The order is the order of preference among equally good explanations: simplest and most usual cause first.
 """
 
-from procedures.attitude.effects.effect import Effect
-from procedures.attitude.effects.gears import GEAR_PITCH, GEAR_ROLL
-from procedures.attitude.effects.head import (
+from rig.procedures.attitude.effects.effect import Effect
+from rig.procedures.attitude.effects.gears import GEAR_PITCH, GEAR_ROLL
+from rig.procedures.attitude.effects.head import (
     AXES_NOT_SQUARE,
     BACKLASH_PITCH,
     BACKLASH_ROLL,
@@ -27,14 +27,20 @@ from procedures.attitude.effects.head import (
     TILT_DAILY,
     TILT_DRIFT,
 )
-from procedures.attitude.effects.memory import CREEP, HYSTERESIS_PITCH, HYSTERESIS_ROLL, SETTLING_PITCH, SETTLING_ROLL
-from procedures.attitude.effects.package import (
+from rig.procedures.attitude.effects.memory import (
+    CREEP,
+    HYSTERESIS_PITCH,
+    HYSTERESIS_ROLL,
+    SETTLING_PITCH,
+    SETTLING_ROLL,
+)
+from rig.procedures.attitude.effects.package import (
     ISOLATION_PADS,
     MOUNTING_SLIP,
     MOUNTING_SLIP_UNRECORDED,
     SCALE_ATTITUDE,
 )
-from procedures.attitude.effects.sensor import (
+from rig.procedures.attitude.effects.sensor import (
     ASYMMETRY,
     CROSS_AXIS,
     DAILY_CYCLE,
@@ -46,21 +52,21 @@ from procedures.attitude.effects.sensor import (
     SENSITIVITY_DRIFT,
     THIRD_ORDER,
 )
-from procedures.attitude.effects.steps import (
+from rig.procedures.attitude.effects.steps import (
     INDEX_SHIFT,
     OFFSET_STEP,
     OFFSET_STEP_UNRECORDED,
     SENSITIVITY_STEP,
     SENSITIVITY_STEP_UNRECORDED,
 )
-from procedures.attitude.effects.thermal import (
+from rig.procedures.attitude.effects.thermal import (
     ALIGNMENT_TEMPERATURE,
     OFFSET_TEMPERATURE,
     SENSITIVITY_TEMPERATURE,
     THERMAL_GRADIENT,
     THERMAL_LAG,
 )
-from procedures.attitude.effects.voltmeter import (
+from rig.procedures.attitude.effects.voltmeter import (
     VOLTMETER_GAIN_DRIFT,
     VOLTMETER_NONLINEARITY,
     VOLTMETER_RANGE,

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Entry
-from fitter.effects.hands import ByHand
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.hands import FAMILIES
-from procedures.attitude.effects.scene import Scene
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.hands import ByHand
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects.hands import FAMILIES
+from rig.procedures.attitude.effects.scene import Scene
 
 Column = Callable[[Scene, str], FloatArray]
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.sizes import amplitude
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.data import settings as settings_of
-from procedures.attitude.effects.effect import Effect, Term
-from procedures.attitude.effects.head import ONE_DEGREE, pitch_error, roll_error, waves
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.sizes import amplitude
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.data import settings as settings_of
+from rig.procedures.attitude.effects.effect import Effect, Term
+from rig.procedures.attitude.effects.head import ONE_DEGREE, pitch_error, roll_error, waves
 
 FEWEST_TEETH = 3
 """Periods a turn of a gear or a scale, at least: fewer are an eccentric or an elliptic one, which have their names."""

@@ -11,14 +11,14 @@ from functools import partial
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.effects.entry import Alias, Largest, Signed
-from fitter.effects.hands import resized_by
-from fitter.effects.sizes import amplitude, arcsec, each
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.effect import Effect, Term, fixed
-from procedures.attitude.effects.hands import OTHER_CABLE
-from procedures.attitude.effects.scene import Scene
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.effects.entry import Alias, Largest, Signed
+from rig.fitter.effects.hands import resized_by
+from rig.fitter.effects.sizes import amplitude, arcsec, each
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects.effect import Effect, Term, fixed
+from rig.procedures.attitude.effects.hands import OTHER_CABLE
+from rig.procedures.attitude.effects.scene import Scene
 
 _BOTH_SIDES = "visit some points twice in one replication, once from each side"
 _OTHER_INDEX = (

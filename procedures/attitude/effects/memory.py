@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.effects.entry import Alias, Signed
-from fitter.effects.sizes import micro, relative
-from procedures.attitude.effects.effect import Effect, Term, fixed
-from procedures.attitude.effects.head import pitch_error, roll_error
+from rig.fitter.effects.entry import Alias, Signed
+from rig.fitter.effects.sizes import micro, relative
+from rig.procedures.attitude.effects.effect import Effect, Term, fixed
+from rig.procedures.attitude.effects.head import pitch_error, roll_error
 
 _FLAT = "read both sides where the output hardly depends on the angle: backlash is gone there, hysteresis is not"
 _AT_REST = Signed("share of its last move", +1, "an axis that is beyond where it was sent, by an overshoot")

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.scene import Scene
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects.scene import Scene
 
 SEARCHED = 64
 """Number of times tried over a run; a found one is then placed between two observations."""

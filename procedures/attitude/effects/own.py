@@ -1,4 +1,4 @@
-"""A laboratory's own effects of attitude sensors (`fitter.effects.own`).
+"""A laboratory's own effects of attitude sensors (`rig.fitter.effects.own`).
 
 Strata: "between-point", or "point-by-replication" for effects of time, temperature or side. Scopes: "sensor", or
 "package" with one coefficient in degrees or volts for all sensors.
@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.own import Grammar
-from fitter.effects.own_formula import OwnFormula
-from procedures.attitude.effects.effect import Effect, Term, fixed
-from procedures.attitude.effects.scene import Scene
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.own import Grammar
+from rig.fitter.effects.own_formula import OwnFormula
+from rig.procedures.attitude.effects.effect import Effect, Term, fixed
+from rig.procedures.attitude.effects.scene import Scene
 
 NAMES: Mapping[str, Callable[[Scene, str], FloatArray]] = {
     "pitch": lambda scene, _sensor: scene.pitch,

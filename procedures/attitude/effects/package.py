@@ -10,16 +10,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Alias, Largest, Signed
-from fitter.effects.hands import removed_by
-from fitter.effects.sizes import arcsec, each
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.effect import Effect, Term, fixed
-from procedures.attitude.effects.hands import PADS_LOCKED
-from procedures.attitude.effects.head import REVERSED
-from procedures.attitude.effects.moments import Moment, evenly, near, starts
-from procedures.attitude.effects.scene import Scene
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Alias, Largest, Signed
+from rig.fitter.effects.hands import removed_by
+from rig.fitter.effects.sizes import arcsec, each
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects.effect import Effect, Term, fixed
+from rig.procedures.attitude.effects.hands import PADS_LOCKED
+from rig.procedures.attitude.effects.head import REVERSED
+from rig.procedures.attitude.effects.moments import Moment, evenly, near, starts
+from rig.procedures.attitude.effects.scene import Scene
 
 _DEGREE = np.radians(1.0)
 

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.attitude.data import AttitudeData
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.data import AttitudeData
 
 
 @dataclass(frozen=True, eq=False)

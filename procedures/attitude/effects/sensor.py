@@ -6,13 +6,13 @@ from functools import partial
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Alias, Largest
-from fitter.effects.sizes import micro, relative
-from procedures.attitude.effects.effect import Effect, Term, fixed
-from procedures.attitude.effects.package import product_formula
-from procedures.attitude.effects.scene import Scene
-from procedures.attitude.effects.thermal import OTHER_TEMPERATURE
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Alias, Largest
+from rig.fitter.effects.sizes import micro, relative
+from rig.procedures.attitude.effects.effect import Effect, Term, fixed
+from rig.procedures.attitude.effects.package import product_formula
+from rig.procedures.attitude.effects.scene import Scene
+from rig.procedures.attitude.effects.thermal import OTHER_TEMPERATURE
 
 _ONE_WAY = "if the temperature rose or fell all night"
 _END_FOR_END = (

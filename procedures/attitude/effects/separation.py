@@ -5,7 +5,7 @@ Every pair has a valid answer: on unusual designs effects are confounded that no
 
 from __future__ import annotations
 
-from procedures.attitude.effects.effect import Effect
+from rig.procedures.attitude.effects.effect import Effect
 
 _SIDES = "visit some points twice in one replication, once from each side: only backlash changes with the side"
 _ORDER = (

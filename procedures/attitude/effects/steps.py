@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Alias
-from fitter.effects.sizes import arcsec, micro, relative
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.effect import Effect, Term
-from procedures.attitude.effects.head import pitch_error
-from procedures.attitude.effects.moments import Moment, at_boundary, blocks, boundaries, evenly, near, starts
-from procedures.attitude.effects.scene import Scene
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Alias
+from rig.fitter.effects.sizes import arcsec, micro, relative
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects.effect import Effect, Term
+from rig.procedures.attitude.effects.head import pitch_error
+from rig.procedures.attitude.effects.moments import Moment, at_boundary, blocks, boundaries, evenly, near, starts
+from rig.procedures.attitude.effects.scene import Scene
 
 _EARLIER = "repeat a few points of the earlier block"
 

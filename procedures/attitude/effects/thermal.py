@@ -7,13 +7,13 @@ from functools import partial
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Alias
-from fitter.effects.sizes import each, micro, relative
-from fitter.errors import FitError
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.effect import Effect, Term, fixed
-from procedures.attitude.effects.scene import Scene
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Alias
+from rig.fitter.effects.sizes import each, micro, relative
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects.effect import Effect, Term, fixed
+from rig.procedures.attitude.effects.scene import Scene
 
 TIME_CONSTANTS_H = (0.1, 0.2, 0.4, 0.8, 1.5, 3.0, 6.0)
 """Searched values; a found one is then refined."""

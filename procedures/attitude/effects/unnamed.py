@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.sizes import micro
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.effect import Effect, Term
-from procedures.attitude.effects.scene import Scene
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.sizes import micro
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects.effect import Effect, Term
+from rig.procedures.attitude.effects.scene import Scene
 
 HARMONICS = 4
 """Maximum number of periods per turn of each angle."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.effects.entry import Alias, Largest
-from fitter.effects.sizes import each, micro
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects.effect import Effect, Term, fixed
-from procedures.attitude.effects.scene import Scene
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.effects.entry import Alias, Largest
+from rig.fitter.effects.sizes import each, micro
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects.effect import Effect, Term, fixed
+from rig.procedures.attitude.effects.scene import Scene
 
 _CALIBRATOR = "read a voltage standard in place of a sensor, at several voltages"
 _STANDARD = "read a voltage standard on a spare channel through the night"

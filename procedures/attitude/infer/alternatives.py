@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.attitude.infer.answer import InferredAttitude
-from procedures.numbers import interval_text
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.infer.answer import InferredAttitude
+from rig.procedures.present.numbers import interval_text
 
 MATTERS = 0.1
 """Minimum change relative to the half-width for a remark that an interval depends on the cause."""
@@ -63,7 +63,7 @@ def cover_rows(
     the interval for the named effects, `depends_on` names the classes, and `sentence` states it.
 
     Args:
-        table: with the named effects, from `procedures.attitude.fit.parameter_table`.
+        table: with the named effects, from `rig.procedures.attitude.fit.parameter_table`.
         others: the same with every other member: the effect that it replaces, its name, table.
     """
     out = {name: dict(row) for name, row in table.items()}

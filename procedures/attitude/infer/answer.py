@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.known_roll import wrap
-from procedures.attitude.infer.package import DEGREE
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.infer.calibration import AttitudeCalibration
+from rig.procedures.attitude.infer.known_roll import wrap
+from rig.procedures.attitude.infer.package import DEGREE
 
 HALF_TURN = 180.0
 RANGE_ROOM_DEG = 0.1

@@ -12,18 +12,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitter import LinearFit, RankError, least_squares
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.misfit import lacks_fit, reach_beside
-from fitter.own_span import AT_ONCE
-from fitter.replication import Replication, analyse, replication_spread
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.fit import drifting, drifting_together, moved_by
-from procedures.attitude.infer.calibration import AttitudeCalibration, Drift, with_roll
-from procedures.attitude.infer.misfit import Misfit
-from procedures.attitude.infer.sensor_model import SensorModel, Term
-from procedures.attitude.model import (
+from rig.fitter import LinearFit, RankError, least_squares
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.misfit import lacks_fit, reach_beside
+from rig.fitter.own_span import AT_ONCE
+from rig.fitter.replication import Replication, analyse, replication_spread
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.fit import drifting, drifting_together, moved_by
+from rig.procedures.attitude.infer.calibration import AttitudeCalibration, Drift, with_roll
+from rig.procedures.attitude.infer.misfit import Misfit
+from rig.procedures.attitude.infer.sensor_model import SensorModel, Term
+from rig.procedures.attitude.model import (
     AXES,
     COLUMNS,
     attitude_parameters,
@@ -33,7 +33,7 @@ from procedures.attitude.model import (
     sensitive_axis,
     sigma_deg,
 )
-from procedures.attitude.temperature import Temperature
+from rig.procedures.attitude.temperature import Temperature
 
 OFFSET, SENSITIVITY = "offset-temperature", "sensitivity-temperature"
 _SECOND = tuple((i, j, k) for k in (0, 1) for j in range(3) for i in range(3) if i + j + k <= 2)
@@ -51,7 +51,7 @@ _EXACT = 1e-7
 
 def _of_the_run() -> set[str]:
     """Effects of the head or the run, which do not exist in use."""
-    from procedures.attitude.effects import CATALOGUE  # noqa: PLC0415 - only effects of a trace need it
+    from rig.procedures.attitude.effects import CATALOGUE  # noqa: PLC0415 - only effects of a trace need it
 
     return {effect.name for effect in CATALOGUE if effect.source not in ("package", "sensor", "temperature")}
 
@@ -91,7 +91,7 @@ def calibrate_package(
 
     Raises:
         KeyError: there is no such output.
-        fitter.linear.RankError: the points do not determine the model with its effects.
+        rig.fitter.linear.RankError: the points do not determine the model with its effects.
         NotApplicable: an effect of the package cannot be computed for other attitudes.
         FitError: no sensor temperature was recorded or it never changed, or an effect has another number of
             observations.

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.attitude.fit import AttitudeFit
-from procedures.attitude.infer.misfit import Misfit
-from procedures.attitude.infer.sensor_model import SensorModel, Term
-from procedures.attitude.model import (
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.fit import AttitudeFit
+from rig.procedures.attitude.infer.misfit import Misfit
+from rig.procedures.attitude.infer.sensor_model import SensorModel, Term
+from rig.procedures.attitude.model import (
     AXES,
     COLUMNS,
     AttitudeParameters,

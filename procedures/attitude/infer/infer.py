@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.attitude.infer import two_axis
-from procedures.attitude.infer.alternatives import cover
-from procedures.attitude.infer.answer import (
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.infer import two_axis
+from rig.procedures.attitude.infer.alternatives import cover
+from rig.procedures.attitude.infer.answer import (
     BAD_READING,
     BOTH_OPEN,
     FAR_FROM_1_G,
@@ -30,11 +30,11 @@ from procedures.attitude.infer.answer import (
     reason,
     turn_over,
 )
-from procedures.attitude.infer.blocks import in_blocks
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.known_roll import DECISIVE, KnownRoll, polish, wrap
-from procedures.attitude.infer.package import NORMAL_95, Propagation, angles, gravity, t_limits
-from procedures.attitude.infer.question import (
+from rig.procedures.attitude.infer.blocks import in_blocks
+from rig.procedures.attitude.infer.calibration import AttitudeCalibration
+from rig.procedures.attitude.infer.known_roll import DECISIVE, KnownRoll, polish, wrap
+from rig.procedures.attitude.infer.package import NORMAL_95, Propagation, angles, gravity, t_limits
+from rig.procedures.attitude.infer.question import (
     Question,
     absurd_squares,
     beyond,
@@ -44,9 +44,9 @@ from procedures.attitude.infer.question import (
     noise_of,
     worse_at_most,
 )
-from procedures.attitude.infer.singular import FEWEST_SD, normal
-from procedures.attitude.infer.tangent import Tangent
-from procedures.attitude.infer.three_axis import ThreeAxis
+from rig.procedures.attitude.infer.singular import FEWEST_SD, normal
+from rig.procedures.attitude.infer.tangent import Tangent
+from rig.procedures.attitude.infer.three_axis import ThreeAxis
 
 _TERMS_ITERATIONS, _TERMS_TOLERANCE = 12, 1e-12
 

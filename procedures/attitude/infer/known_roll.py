@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 STEPS = 40
 DECISIVE = 25.0

@@ -16,8 +16,8 @@ class Misfit:
         T_bias: lack of fit against the scatter of readings at one point; NaN if it cannot be tested.
         F_bias_95: its 95 % limit.
         sigma_bias_deg: standard deviation of the lack of fit.
-        model_error: by parameter, its possible change by a model error as large as the lack of fit (`fitter.misfit`);
-            None if lack of fit is not significant or cannot be tested.
+        model_error: by parameter, its possible change by a model error as large as the lack of fit
+            (`rig.fitter.misfit`); None if lack of fit is not significant or cannot be tested.
         drifts: whether the parameters still vary significantly between replications.
         blind: reason why T_bias can miss a lack of fit; "" if there is none.
     """

@@ -13,8 +13,8 @@ from functools import partial
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from procedures.attitude.infer.calibration import AttitudeCalibration
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.infer.calibration import AttitudeCalibration
 
 DEGREE = 180.0 / np.pi
 """Degrees of a radian: `np.degrees` is the same number in six times the time."""
@@ -251,7 +251,7 @@ def inverse_df_of_two(share: FloatArray, df: float, df_of_rest: float) -> FloatA
 def t_limits(df: FloatArray) -> FloatArray:
     """(...) 95 % limits of |t|, for (...) degrees of freedom, also infinite ones.
 
-    By its expansion in 1/df (Fisher and Cornish), to 2e-7 of the value; as `fitter.quantiles.t_limit` for few.
+    By its expansion in 1/df (Fisher and Cornish), to 2e-7 of the value; as `rig.fitter.quantiles.t_limit` for few.
     """
     x = 1.0 / df
     limits = x * _T_4

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.quantiles import f_limit
-from procedures.attitude.infer import two_axis
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.package import Noise, gravity
-from procedures.attitude.infer.singular import normal
-from procedures.attitude.infer.tangent import Tangent
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.quantiles import f_limit
+from rig.procedures.attitude.infer import two_axis
+from rig.procedures.attitude.infer.calibration import AttitudeCalibration
+from rig.procedures.attitude.infer.package import Noise, gravity
+from rig.procedures.attitude.infer.singular import normal
+from rig.procedures.attitude.infer.tangent import Tangent
 
 
 def noise_of(calibration: AttitudeCalibration, noise_sd_V: ArrayLike | None) -> Noise:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.attitude.model import COLUMNS, sensitive_axis
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.model import COLUMNS, sensitive_axis
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class SensorModel:
     Attributes:
         name: column name of its output.
         axis: "x", "y" or "z", its nominal axis.
-        coefficients: (4 + q,) of `procedures.attitude.model.COLUMNS` and of `terms`, V. The third is zero without roll.
+        coefficients: (4 + q,) of `rig.procedures.attitude.model.COLUMNS` and of `terms`, V. Third: 0 without roll.
         sigma_V: standard deviation of one reading, sigma_E of the calibration.
         df: its degrees of freedom.
         terms: q further terms: effects found by a trace, temperature coefficients.

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.attitude.angles import sin_cos
-from procedures.attitude.infer.calibration import AttitudeCalibration
-from procedures.attitude.infer.package import directions
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.angles import sin_cos
+from rig.procedures.attitude.infer.calibration import AttitudeCalibration
+from rig.procedures.attitude.infer.package import directions
 
 FEWEST_SD = 5.0
 """Minimum distance of an attitude from a singularity, in standard deviations, for first-order errors."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.attitude.infer.package import on_parallel
-from procedures.attitude.infer.singular import normal
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.infer.package import on_parallel
+from rig.procedures.attitude.infer.singular import normal
 
 
 @dataclass(frozen=True, eq=False)

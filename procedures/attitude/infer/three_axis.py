@@ -24,9 +24,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.attitude.infer.package import DEGREE, angles
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.infer.package import DEGREE, angles
 
 _NEAR = 2e-5
 """Multiplier below which the first correction, within some cubes of it, is within the rounding."""

@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from fitter import RankError
-from fitter.arrays import FloatArray
-from procedures.attitude.fit import parameter_table
-from procedures.attitude.infer.alternatives import by_class, cover_rows
-from procedures.attitude.infer.calibrate import NotApplicable, calibrate_package
+from rig.fitter import RankError
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.fit import parameter_table
+from rig.procedures.attitude.infer.alternatives import by_class, cover_rows
+from rig.procedures.attitude.infer.calibrate import NotApplicable, calibrate_package
 
 if TYPE_CHECKING:
-    from procedures.attitude.data import AttitudeData
-    from procedures.attitude.infer.calibration import AttitudeCalibration
+    from rig.procedures.attitude.data import AttitudeData
+    from rig.procedures.attitude.infer.calibration import AttitudeCalibration
 
 Volts = Mapping[str, Mapping[str, FloatArray]]
 """(n,) contribution of effects, V, or (n, q) of their terms, by effect and sensor."""
@@ -36,7 +36,7 @@ def calibrate_traced(
         temperature: whether the declared model has temperature.
 
     Raises:
-        fitter.linear.RankError: the points do not determine the declared model.
+        rig.fitter.linear.RankError: the points do not determine the declared model.
         FitError: as `calibrate_package`.
     """
     kept = _applied(data, effects, temperature=temperature, merge=True)
@@ -80,7 +80,7 @@ def _applied(data: AttitudeData, effects: Volts, *, temperature: bool, merge: bo
 def covering_parameters(calibration: AttitudeCalibration, name: str) -> dict[str, Any]:
     """The paper's parameters of a sensor, each with an interval that covers every cause the data cannot separate.
 
-    See `procedures.attitude.infer.alternatives.cover_rows` for the keys.
+    See `rig.procedures.attitude.infer.alternatives.cover_rows` for the keys.
     """
     others = [(named, member, _table(other, name)) for named, member, other in calibration.alternatives]
     return cover_rows(_table(calibration, name), others)

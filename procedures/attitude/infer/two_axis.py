@@ -13,10 +13,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.attitude.infer.package import angles
-from procedures.attitude.infer.singular import normal
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.infer.package import angles
+from rig.procedures.attitude.infer.singular import normal
 
 _ARC = np.linspace(-1.0, 1.0, 33)
 

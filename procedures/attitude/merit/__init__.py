@@ -6,10 +6,10 @@ design = DesignPoints("D1 +-45", pitch_deg, roll_deg, replications=6) figure_of_
 compare([design, other], Usage.within(30.0), sigma_deg=2e-4)
 """
 
-from procedures.attitude.merit.comparison import Comparison, Curve, Recommendation, compare, curve, recommend
-from procedures.attitude.merit.design_points import DesignPoints, Usage
-from procedures.attitude.merit.merit import figure_of_merit, mean_variance, variance, worst_variance
-from procedures.attitude.merit.visibility import Visibility, pad_visibility, smallest_offset_drift, visibility
+from rig.procedures.attitude.merit.comparison import Comparison, Curve, Recommendation, compare, curve, recommend
+from rig.procedures.attitude.merit.design_points import DesignPoints, Usage
+from rig.procedures.attitude.merit.merit import figure_of_merit, mean_variance, variance, worst_variance
+from rig.procedures.attitude.merit.visibility import Visibility, pad_visibility, smallest_offset_drift, visibility
 
 __all__ = [
     "Comparison",

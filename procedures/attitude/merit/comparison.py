@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter import RankError
-from fitter.arrays import FloatArray
-from fitter.quantiles import t_limit
-from procedures.attitude.merit.design_points import DesignPoints, Usage
-from procedures.attitude.merit.merit import mean_variance, variance, worst_variance
-from procedures.attitude.merit.visibility import pad_visibility
+from rig.fitter import RankError
+from rig.fitter.arrays import FloatArray
+from rig.fitter.quantiles import t_limit
+from rig.procedures.attitude.merit.design_points import DesignPoints, Usage
+from rig.procedures.attitude.merit.merit import mean_variance, variance, worst_variance
+from rig.procedures.attitude.merit.visibility import pad_visibility
 
 NAN = float("nan")
 
@@ -148,7 +148,7 @@ def curve(
         count: number of pitch angles.
 
     Raises:
-        fitter.linear.RankError: the design does not determine the model.
+        rig.fitter.linear.RankError: the design does not determine the model.
     """
     pitch, roll = np.linspace(*usage.pitch_deg, count), np.array(roll_deg, np.float64)
     over_sigma = np.sqrt(variance(design, pitch[None, :], roll[:, None]))

@@ -7,10 +7,10 @@ from typing import Self
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.checked import finite
-from fitter.errors import FitError
-from procedures.attitude.model import attitude_columns
+from rig.fitter.arrays import FloatArray
+from rig.fitter.checked import finite
+from rig.fitter.errors import FitError
+from rig.procedures.attitude.model import attitude_columns
 
 
 @dataclass(frozen=True, eq=False)

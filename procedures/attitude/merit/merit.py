@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitter import LinearFit
-from fitter.arrays import FloatArray
-from procedures.attitude.merit.design_points import DesignPoints, Usage
-from procedures.attitude.model import attitude_columns, fit_columns
+from rig.fitter import LinearFit
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.merit.design_points import DesignPoints, Usage
+from rig.procedures.attitude.model import attitude_columns, fit_columns
 
 _STEP_DEG = 2.0
 _FEWEST = 9
@@ -28,7 +28,7 @@ def variance(design: DesignPoints, pitch_deg: ArrayLike, roll_deg: ArrayLike = 0
         roll_deg: not used by a sensor calibrated without roll.
 
     Raises:
-        fitter.linear.RankError: the design does not determine the model.
+        rig.fitter.linear.RankError: the design does not determine the model.
     """
     return _variance(_solved(design), design, pitch_deg, roll_deg)
 
@@ -37,7 +37,7 @@ def mean_variance(design: DesignPoints, usage: Usage) -> float:
     """Mean of `variance` over the test area, uniform in pitch and in roll; exact (appendix E).
 
     Raises:
-        fitter.linear.RankError: the design does not determine the model.
+        rig.fitter.linear.RankError: the design does not determine the model.
 
     """
     root = _solved(design).root
@@ -51,7 +51,7 @@ def figure_of_merit(design: DesignPoints, usage: Usage) -> float:
     Smaller is better; 1 would be the mean of all observations, 2 is sqrt(4 parameters).
 
     Raises:
-        fitter.linear.RankError: the design does not determine the model.
+        rig.fitter.linear.RankError: the design does not determine the model.
     """
     return float(np.sqrt(design.observations * mean_variance(design, usage)))
 
@@ -60,7 +60,7 @@ def worst_variance(design: DesignPoints, usage: Usage) -> tuple[float, float, fl
     """Largest `variance` in the test area and its pitch and roll (deg); to 1e-6 of its value.
 
     Raises:
-        fitter.linear.RankError: the design does not determine the model.
+        rig.fitter.linear.RankError: the design does not determine the model.
     """
     fit = _solved(design)
     low, high = np.array([usage.pitch_deg, usage.roll_deg if design.roll else (0.0, 0.0)]).T

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
-from fitter.quantiles import f_limit
-from procedures.attitude.angles import sin_cos
-from procedures.attitude.merit.design_points import DesignPoints
-from procedures.attitude.model import fit_columns
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.quantiles import f_limit
+from rig.procedures.attitude.angles import sin_cos
+from rig.procedures.attitude.merit.design_points import DesignPoints
+from rig.procedures.attitude.model import fit_columns
 
 POWER = 0.9
 """Probability of detection of the smallest visible effect."""
@@ -78,7 +78,7 @@ def smallest_offset_drift(design: DesignPoints) -> float:
     Infinite for one replication, or without degrees of freedom within replications.
 
     Raises:
-        fitter.linear.RankError: the design does not determine the model.
+        rig.fitter.linear.RankError: the design does not determine the model.
     """
     df_between = design.replications - 1
     df_within = design.replications * (design.points - design.parameters)

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.trace.search import names_of, prune, search_and_name
-from procedures.attitude.trace.judge import AttitudeJudge
-from procedures.attitude.trace.levels import Level
-from procedures.attitude.trace.problem import Problem
-from procedures.attitude.trace.score import beside, errors, inverse
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.search import names_of, prune, search_and_name
+from rig.procedures.attitude.trace.judge import AttitudeJudge
+from rig.procedures.attitude.trace.levels import Level
+from rig.procedures.attitude.trace.problem import Problem
+from rig.procedures.attitude.trace.score import beside, errors, inverse
 
 BY_CHANCE = 1e-4
 """Probability of the disagreement below which it is significant."""

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.aliases import Rival
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.trace.estimate import Estimate
-from procedures.attitude.trace.problem import Problem, raw_columns
-from procedures.attitude.trace.score import errors
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.aliases import Rival
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.trace.estimate import Estimate
+from rig.procedures.attitude.trace.problem import Problem, raw_columns
+from rig.procedures.attitude.trace.score import errors
 
 Volts = Mapping[str, Mapping[str, FloatArray]]
 """(n, q) contribution of the terms of effects to the observations, V, by effect and sensor."""

@@ -8,16 +8,16 @@ from itertools import permutations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.constancy import ENDS, Change, change, products
-from fitter.trace.doubts import CHANGES, not_constant, one_that_changes, two_sizes
-from fitter.trace.exchange import stands_in
-from fitter.trace.flexible import Block, remainders, turns, waves
-from fitter.trace.search import names_of
-from procedures.attitude.effects import Scene
-from procedures.attitude.trace.estimate import estimate
-from procedures.attitude.trace.nameless import WALKED, Nameless
-from procedures.attitude.trace.problem import raw_columns
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.constancy import ENDS, Change, change, products
+from rig.fitter.trace.doubts import CHANGES, not_constant, one_that_changes, two_sizes
+from rig.fitter.trace.exchange import stands_in
+from rig.fitter.trace.flexible import Block, remainders, turns, waves
+from rig.fitter.trace.search import names_of
+from rig.procedures.attitude.effects import Scene
+from rig.procedures.attitude.trace.estimate import estimate
+from rig.procedures.attitude.trace.nameless import WALKED, Nameless
+from rig.procedures.attitude.trace.problem import raw_columns
 
 ALIKE = 0.999
 """Correlation of two columns beside the declared model from which one sensor does not tell them apart."""

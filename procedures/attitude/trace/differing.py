@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.attitude.trace.problem import Problem
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.trace.problem import Problem
 
 FEWEST_DF = 0.5
 """Minimum degrees of freedom for a variance between replications; with fewer they are taken to agree."""

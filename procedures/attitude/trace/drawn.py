@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.doubts import DOUBT
-from fitter.trace.flexible import Block, turns, waves
-from fitter.trace.lines import Line, folded
-from fitter.trace.outcome import Instead
-from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
-from procedures.attitude.effects import Scene
-from procedures.attitude.trace.levels import Level
-from procedures.attitude.trace.nameless import Left, Nameless
-from procedures.attitude.trace.places import (
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.doubts import DOUBT
+from rig.fitter.trace.flexible import Block, turns, waves
+from rig.fitter.trace.lines import Line, folded
+from rig.fitter.trace.outcome import Instead
+from rig.fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
+from rig.procedures.attitude.effects import Scene
+from rig.procedures.attitude.trace.levels import Level
+from rig.procedures.attitude.trace.nameless import Left, Nameless
+from rig.procedures.attitude.trace.places import (
     AFTER_A_TIP,
     ALONG_REPLICATION,
     ALONG_RUN,
@@ -27,7 +27,7 @@ from procedures.attitude.trace.places import (
     between_replications,
     tipped,
 )
-from procedures.attitude.trace.problem import AT_ONCE, raw_columns
+from rig.procedures.attitude.trace.problem import AT_ONCE, raw_columns
 
 STRATA: dict[Level, str] = {"declared": "replication", "replications": "between-point", "points": "within-point"}
 UNIT, PER_DEG = "mdeg", 1e3

@@ -8,19 +8,19 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter import LinearFit, RankError, least_squares
-from fitter.arrays import FloatArray
-from fitter.replication import Replication, Rows, analyse, drift_of, sigma_E
-from fitter.trace.aliases import NOTHING_LEFT
-from fitter.trace.keep import LeftIn, taken_out
-from fitter.trace.not_kept import independent
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.temperature import Temperature
-from procedures.attitude.trace.differing import as_replications_differ
-from procedures.attitude.trace.levels import Level
-from procedures.attitude.trace.problem import Problem, raw_columns
-from procedures.attitude.trace.robust import walked
-from procedures.attitude.trace.score import errors
+from rig.fitter import LinearFit, RankError, least_squares
+from rig.fitter.arrays import FloatArray
+from rig.fitter.replication import Replication, Rows, analyse, drift_of, sigma_E
+from rig.fitter.trace.aliases import NOTHING_LEFT
+from rig.fitter.trace.keep import LeftIn, taken_out
+from rig.fitter.trace.not_kept import independent
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.temperature import Temperature
+from rig.procedures.attitude.trace.differing import as_replications_differ
+from rig.procedures.attitude.trace.levels import Level
+from rig.procedures.attitude.trace.problem import Problem, raw_columns
+from rig.procedures.attitude.trace.robust import walked
+from rig.procedures.attitude.trace.score import errors
 
 DRIFTS = 0.01
 """Limit of the joint drift test's p below which replications get their own parameters."""

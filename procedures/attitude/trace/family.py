@@ -14,12 +14,12 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import sparse, special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.trace.aliases import NOTHING_LEFT
-from fitter.trace.chance import DRAWS, Family
-from procedures.attitude.trace.problem import Problem
-from procedures.attitude.trace.replications import slow_of
-from procedures.attitude.trace.score import Scores, errors
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.aliases import NOTHING_LEFT
+from rig.fitter.trace.chance import DRAWS, Family
+from rig.procedures.attitude.trace.problem import Problem
+from rig.procedures.attitude.trace.replications import slow_of
+from rig.procedures.attitude.trace.score import Scores, errors
 
 AT_ONCE = 1_000
 COUNTED_DRAWS = 10_000

@@ -7,33 +7,33 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.replication import Replication
-from fitter.trace.aliases import Rival, separation
-from fitter.trace.doubts import beside_a_wander, by_chance, error_rises
-from fitter.trace.found import Found, Unnamed, verdict
-from fitter.trace.lines import CLEAR
-from fitter.trace.not_kept import NotKept, for_others
-from fitter.trace.shares import of_rest, shares, unnamed_part
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import Effect, separate
-from procedures.attitude.effects.unnamed import NAMELESS
-from procedures.attitude.fit import AttitudeFit
-from procedures.attitude.model import attitude_columns
-from procedures.attitude.trace.drawn import drawn, drawn_drift, drawn_instead, drawn_period, drawn_points
-from procedures.attitude.trace.estimate import Estimate, concerns, predict
-from procedures.attitude.trace.fine import turns_with
-from procedures.attitude.trace.grid import same_on_grid
-from procedures.attitude.trace.judge import AttitudeJudge
-from procedures.attitude.trace.levels import LEVELS
-from procedures.attitude.trace.nameless import Nameless
-from procedures.attitude.trace.noise import noise_findings, outlier_finding
-from procedures.attitude.trace.outliers import outliers
-from procedures.attitude.trace.problem import Problem, raw_columns
-from procedures.attitude.trace.remainder import shared_attitude, strongest_wave
-from procedures.attitude.trace.result import FoundEffect, SensorTrace
-from procedures.attitude.trace.score import RESOLVED
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.replication import Replication
+from rig.fitter.trace.aliases import Rival, separation
+from rig.fitter.trace.doubts import beside_a_wander, by_chance, error_rises
+from rig.fitter.trace.found import Found, Unnamed, verdict
+from rig.fitter.trace.lines import CLEAR
+from rig.fitter.trace.not_kept import NotKept, for_others
+from rig.fitter.trace.shares import of_rest, shares, unnamed_part
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects import Effect, separate
+from rig.procedures.attitude.effects.unnamed import NAMELESS
+from rig.procedures.attitude.fit import AttitudeFit
+from rig.procedures.attitude.model import attitude_columns
+from rig.procedures.attitude.trace.drawn import drawn, drawn_drift, drawn_instead, drawn_period, drawn_points
+from rig.procedures.attitude.trace.estimate import Estimate, concerns, predict
+from rig.procedures.attitude.trace.fine import turns_with
+from rig.procedures.attitude.trace.grid import same_on_grid
+from rig.procedures.attitude.trace.judge import AttitudeJudge
+from rig.procedures.attitude.trace.levels import LEVELS
+from rig.procedures.attitude.trace.nameless import Nameless
+from rig.procedures.attitude.trace.noise import noise_findings, outlier_finding
+from rig.procedures.attitude.trace.outliers import outliers
+from rig.procedures.attitude.trace.problem import Problem, raw_columns
+from rig.procedures.attitude.trace.remainder import shared_attitude, strongest_wave
+from rig.procedures.attitude.trace.result import FoundEffect, SensorTrace
+from rig.procedures.attitude.trace.score import RESOLVED
 
 UNEXPLAINED = 1e-3
 """Probability of lack of fit or drift below which a remainder is reported."""

@@ -7,13 +7,13 @@ from functools import partial
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.fine_periods import FEWEST, fine_period
-from fitter.trace.flexible import Block, Remainder, remainders
-from fitter.trace.lines import Line
-from procedures.attitude.data import settings
-from procedures.attitude.effects.scene import Scene
-from procedures.attitude.trace.view import View
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.fine_periods import FEWEST, fine_period
+from rig.fitter.trace.flexible import Block, Remainder, remainders
+from rig.fitter.trace.lines import Line
+from rig.procedures.attitude.data import settings
+from rig.procedures.attitude.effects.scene import Scene
+from rig.procedures.attitude.trace.view import View
 
 
 def fine_of(scene: Scene, view: View, rho: FloatArray, df: int) -> Line | None:

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.data import settings as settings_of
-from procedures.attitude.effects.gears import FEWEST_TEETH
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.data import settings as settings_of
+from rig.procedures.attitude.effects.gears import FEWEST_TEETH
 
 _PERIODS = {
     "head-once-per-turn": ("pitch", 1),

@@ -11,20 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Stratum
-from fitter.trace.aliases import DELTA, Paths, Products, Rival, rivals
-from fitter.trace.chance import ALPHA, Family
-from fitter.trace.signs import SURE, Impossible, Refused
-from procedures.attitude.effects.unnamed import NAMELESS
-from procedures.attitude.trace.estimate import coefficients, concerns, estimate
-from procedures.attitude.trace.levels import Level
-from procedures.attitude.trace.limits import limits
-from procedures.attitude.trace.problem import Candidate, Problem
-from procedures.attitude.trace.refine import refined
-from procedures.attitude.trace.replications import Between, Slow, between_replications, slow_of
-from procedures.attitude.trace.robust import second_thoughts
-from procedures.attitude.trace.score import Scores, beside, errors, score
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Stratum
+from rig.fitter.trace.aliases import DELTA, Paths, Products, Rival, rivals
+from rig.fitter.trace.chance import ALPHA, Family
+from rig.fitter.trace.signs import SURE, Impossible, Refused
+from rig.procedures.attitude.effects.unnamed import NAMELESS
+from rig.procedures.attitude.trace.estimate import coefficients, concerns, estimate
+from rig.procedures.attitude.trace.levels import Level
+from rig.procedures.attitude.trace.limits import limits
+from rig.procedures.attitude.trace.problem import Candidate, Problem
+from rig.procedures.attitude.trace.refine import refined
+from rig.procedures.attitude.trace.replications import Between, Slow, between_replications, slow_of
+from rig.procedures.attitude.trace.robust import second_thoughts
+from rig.procedures.attitude.trace.score import Scores, beside, errors, score
 
 BETWEEN = 5 / 7, 1 / 7
 """Shares of ALPHA for tests between replications without and with a searched constant: 2.5 % and 0.5 % of runs, in
@@ -34,7 +34,7 @@ addition to the 3 % of all others. Later tests remove more than half of each.
 
 @dataclass(frozen=True, eq=False)
 class AttitudeJudge:
-    """A `procedures.attitude.trace.search.Judge` of pitch-roll runs.
+    """A `rig.procedures.attitude.trace.search.Judge` of pitch-roll runs.
 
     Attributes:
         problem: the run.
@@ -127,7 +127,7 @@ class AttitudeJudge:
         Args:
             group: candidates of one effect or of several; they come back under the name of the first.
             rest: the other candidates in the model.
-            within: see `fitter.trace.aliases.rivals`.
+            within: see `rig.fitter.trace.aliases.rivals`.
 
         """
         problem, chosen = self.problem, tuple(sorted((*group, *rest)))

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.sums_of_squares import centred, off, own_parameters
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.model import attitude_columns
-from procedures.attitude.trace.walks import Walks, walks_of
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.sums_of_squares import centred, off, own_parameters
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.model import attitude_columns
+from rig.procedures.attitude.trace.walks import Walks, walks_of
 
 Level = Literal["declared", "replications", "points"]
 LEVELS: tuple[Level, ...] = ("declared", "replications", "points")

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.attitude.trace.problem import Problem
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.trace.problem import Problem
 
 
 def limits(problem: Problem, picked: Sequence[int]) -> FloatArray:

@@ -10,19 +10,19 @@ from itertools import combinations
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, in_several, no_better, several_values, something_left
-from fitter.trace.flexible import Remainder, evidence, evidence_of, remainders
-from fitter.trace.lines import CLEAR, Line, lines
-from fitter.trace.search import names_of
-from procedures.attitude.trace.estimate import concerns
-from procedures.attitude.trace.fine import fine_of
-from procedures.attitude.trace.levels import LEVELS, Level
-from procedures.attitude.trace.places import Place, between_replications, places_of
-from procedures.attitude.trace.problem import Problem
-from procedures.attitude.trace.score import errors, rounding
-from procedures.attitude.trace.view import View
-from procedures.attitude.trace.walks import SPREAD, likelihood_ratio
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, in_several, no_better, several_values, something_left
+from rig.fitter.trace.flexible import Remainder, evidence, evidence_of, remainders
+from rig.fitter.trace.lines import CLEAR, Line, lines
+from rig.fitter.trace.search import names_of
+from rig.procedures.attitude.trace.estimate import concerns
+from rig.procedures.attitude.trace.fine import fine_of
+from rig.procedures.attitude.trace.levels import LEVELS, Level
+from rig.procedures.attitude.trace.places import Place, between_replications, places_of
+from rig.procedures.attitude.trace.problem import Problem
+from rig.procedures.attitude.trace.score import errors, rounding
+from rig.procedures.attitude.trace.view import View
+from rig.procedures.attitude.trace.walks import SPREAD, likelihood_ratio
 
 SEEN = 6.0
 """Nats of evidence within replications, below which the evidence for an effect is mainly between them."""

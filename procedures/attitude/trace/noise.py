@@ -11,15 +11,15 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
-from fitter.trace.chance import ALPHA, COUNTED
-from fitter.trace.found import Found
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.trace.estimate import Estimate
-from procedures.attitude.trace.problem import Problem, raw_columns
-from procedures.attitude.trace.score import errors, rounding, whiten
-from procedures.attitude.trace.wander import walk_evidence
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
+from rig.fitter.trace.chance import ALPHA, COUNTED
+from rig.fitter.trace.found import Found
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.trace.estimate import Estimate
+from rig.procedures.attitude.trace.problem import Problem, raw_columns
+from rig.procedures.attitude.trace.score import errors, rounding, whiten
+from rig.procedures.attitude.trace.wander import walk_evidence
 
 
 def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[Found, ...]:

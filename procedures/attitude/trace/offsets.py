@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 VARIANCES = np.concatenate([[0.0], 4.0 ** np.arange(-2, 8)])
 """Tried values of w and t."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.resolution import resolution, robust_sd
-from procedures.attitude.data import AttitudeData
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.resolution import resolution, robust_sd
+from rig.procedures.attitude.data import AttitudeData
 
 BY_CHANCE = 0.001
 """Probability that a reading of a clean run is named, for normal deviations; from a median of six they are a little

@@ -8,11 +8,11 @@ from functools import partial
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.trace.flexible import Block, orders_of, turns, waves
-from fitter.trace.latches import faded, latches
-from procedures.attitude.effects import Scene
-from procedures.attitude.trace.levels import Level
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.flexible import Block, orders_of, turns, waves
+from rig.fitter.trace.latches import faded, latches
+from rig.procedures.attitude.effects import Scene
+from rig.procedures.attitude.trace.levels import Level
 
 PITCH, ROLL, TIME, TEMPERATURE, GRAVITY = 8, 6, 12, 5, 12
 """Maximum number of waves over each."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.trace.search import prune, search_and_name
-from fitter.trace.signs import SURE, Refused
-from procedures.attitude.trace.estimate import estimate
-from procedures.attitude.trace.judge import AttitudeJudge
-from procedures.attitude.trace.limits import limits
-from procedures.attitude.trace.problem import Problem
+from rig.fitter.trace.search import prune, search_and_name
+from rig.fitter.trace.signs import SURE, Refused
+from rig.procedures.attitude.trace.estimate import estimate
+from rig.procedures.attitude.trace.judge import AttitudeJudge
+from rig.procedures.attitude.trace.limits import limits
+from rig.procedures.attitude.trace.problem import Problem
 
 
 def plausible(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[AttitudeJudge, tuple[int, ...]]:

@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.trace.aliases import NOTHING_LEFT
-from fitter.trace.not_kept import LARGEST, NotKept
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import Effect
-from procedures.attitude.fit import fit_all
-from procedures.attitude.trace.levels import AT_ONCE, LEVELS, Level, levels_of
-from procedures.attitude.trace.problem import Candidate, Problem, Products, columns_of, scene_of
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.aliases import NOTHING_LEFT
+from rig.fitter.trace.not_kept import LARGEST, NotKept
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects import Effect
+from rig.procedures.attitude.fit import fit_all
+from rig.procedures.attitude.trace.levels import AT_ONCE, LEVELS, Level, levels_of
+from rig.procedures.attitude.trace.problem import Candidate, Problem, Products, columns_of, scene_of
 
 KEPT = 0.05
 """Minimum share of variation point by replication, of a candidate's remainder at `replications`, for a judgement there.
@@ -38,7 +38,7 @@ def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool =
         temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
 
     Raises:
-        fitter.linear.RankError: the points do not determine the declared model.
+        rig.fitter.linear.RankError: the points do not determine the declared model.
         FitError: the declared model has temperature, and none was recorded or it never changed.
     """
     fits = fit_all(data, temperature=temperature)

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.trace.not_kept import NotKept
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import Effect, Scene, Term
-from procedures.attitude.fit import AttitudeFit
-from procedures.attitude.trace.levels import LEVELS, Level, Levels
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.not_kept import NotKept
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects import Effect, Scene, Term
+from rig.procedures.attitude.fit import AttitudeFit
+from rig.procedures.attitude.trace.levels import LEVELS, Level, Levels
 
 AT_ONCE = 64
 """Number of columns computed together if only their products are needed."""

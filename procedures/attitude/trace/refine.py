@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from procedures.attitude.trace.problem import Candidate, Problem, columns_of
-from procedures.attitude.trace.score import errors, inverse, whiten
+from rig.procedures.attitude.trace.problem import Candidate, Problem, columns_of
+from rig.procedures.attitude.trace.score import errors, inverse, whiten
 
 FORBIDS = 2.0
 """Units of log likelihood by which the best value of a constant forbids one that is likelier beforehand."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
-from fitter.sums_of_squares import FTest, centred
-from fitter.trace.found import Unnamed
-from procedures.attitude.effects.unnamed import HARMONICS, where
-from procedures.attitude.trace.problem import Problem
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.sums_of_squares import FTest, centred
+from rig.fitter.trace.found import Unnamed
+from rig.procedures.attitude.effects.unnamed import HARMONICS, where
+from rig.procedures.attitude.trace.problem import Problem
 
 
 def shared_attitude(problem: Problem, corrected_V: FloatArray) -> FTest:

@@ -17,13 +17,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.quantiles import f_tail
-from procedures.attitude.trace.offsets import VARIANCES, slopes, wandering
-from procedures.attitude.trace.problem import Problem
-from procedures.attitude.trace.score import errors, whiten
-from procedures.attitude.trace.walks import STEPS
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.quantiles import f_tail
+from rig.procedures.attitude.trace.offsets import VARIANCES, slopes, wandering
+from rig.procedures.attitude.trace.problem import Problem
+from rig.procedures.attitude.trace.score import errors, whiten
+from rig.procedures.attitude.trace.walks import STEPS
 
 FEWEST = 4
 """Minimum number of replications for tests at this level."""

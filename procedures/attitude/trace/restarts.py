@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.aliases import PER_COLUMN, ROUNDING
-from fitter.trace.search import names_of, prune, search_and_name
-from procedures.attitude.trace.judge import AttitudeJudge
-from procedures.attitude.trace.score import beside, errors, score
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.aliases import PER_COLUMN, ROUNDING
+from rig.fitter.trace.search import names_of, prune, search_and_name
+from rig.procedures.attitude.trace.judge import AttitudeJudge
+from rig.procedures.attitude.trace.score import beside, errors, score
 
 CROWD = 3
 """Minimum number of effects for a repeated search."""

@@ -7,23 +7,23 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fitter import LinearFit
-from fitter.arrays import FloatArray
-from fitter.json_values import JsonValue
-from fitter.replication import Replication
-from fitter.sums_of_squares import FTest
-from fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
-from fitter.trace.outcome import Instead, Outcome, Parameter, Row, WithError, run_json
-from fitter.trace.signs import Refused
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import Scene
-from procedures.attitude.fit import coefficient_table, table_2, temperature_table
-from procedures.attitude.model import attitude_columns
-from procedures.attitude.temperature import Temperature
-from procedures.attitude.trace.alternatives import Alternative
-from procedures.attitude.trace.estimate import predict
-from procedures.attitude.trace.problem import Candidate, raw_columns
-from procedures.words import TESTS
+from rig.fitter import LinearFit
+from rig.fitter.arrays import FloatArray
+from rig.fitter.json_values import JsonValue
+from rig.fitter.replication import Replication
+from rig.fitter.sums_of_squares import FTest
+from rig.fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
+from rig.fitter.trace.outcome import Instead, Outcome, Parameter, Row, WithError, run_json
+from rig.fitter.trace.signs import Refused
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects import Scene
+from rig.procedures.attitude.fit import coefficient_table, table_2, temperature_table
+from rig.procedures.attitude.model import attitude_columns
+from rig.procedures.attitude.temperature import Temperature
+from rig.procedures.attitude.trace.alternatives import Alternative
+from rig.procedures.attitude.trace.estimate import predict
+from rig.procedures.attitude.trace.problem import Candidate, raw_columns
+from rig.procedures.present.words import TESTS
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,10 +16,10 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from procedures.attitude.trace.problem import Problem
-from procedures.attitude.trace.score import Scores, errors, inverse, whiten
-from procedures.attitude.trace.walks import SPREAD, likelihood_ratio
+from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.trace.problem import Problem
+from rig.procedures.attitude.trace.score import Scores, errors, inverse, whiten
+from rig.procedures.attitude.trace.walks import SPREAD, likelihood_ratio
 
 
 def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: Scores, critical: float) -> float:

@@ -7,34 +7,34 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from fitter.trace.chance import Family
-from fitter.trace.found import explanations_of
-from fitter.trace.keep import groups_of, kept, left_in
-from fitter.trace.not_kept import NotKept
-from fitter.trace.refusals import refusals
-from fitter.trace.search import ROUNDS, names_of, prune, search_and_name
-from procedures.attitude.data import AttitudeData
-from procedures.attitude.effects import CATALOGUE, Effect
-from procedures.attitude.effects.unnamed import UNNAMED
-from procedures.attitude.trace.agreement import supported
-from procedures.attitude.trace.alternatives import alternatives
-from procedures.attitude.trace.constant import doubts_of
-from procedures.attitude.trace.estimate import concerns, estimate, stated
-from procedures.attitude.trace.family import family_of
-from procedures.attitude.trace.findings import residual_of, sensor_trace
-from procedures.attitude.trace.judge import AttitudeJudge
-from procedures.attitude.trace.nameless import Nameless
-from procedures.attitude.trace.outliers import outliers
-from procedures.attitude.trace.plausible import plausible
-from procedures.attitude.trace.pose import pose
-from procedures.attitude.trace.problem import Problem
-from procedures.attitude.trace.restarts import search_with_restarts
-from procedures.attitude.trace.result import Trace
-from procedures.attitude.trace.score import score
-from procedures.attitude.trace.simpler import simplified
-from procedures.attitude.trace.wander import expected, with_wander
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.fitter.trace.chance import Family
+from rig.fitter.trace.found import explanations_of
+from rig.fitter.trace.keep import groups_of, kept, left_in
+from rig.fitter.trace.not_kept import NotKept
+from rig.fitter.trace.refusals import refusals
+from rig.fitter.trace.search import ROUNDS, names_of, prune, search_and_name
+from rig.procedures.attitude.data import AttitudeData
+from rig.procedures.attitude.effects import CATALOGUE, Effect
+from rig.procedures.attitude.effects.unnamed import UNNAMED
+from rig.procedures.attitude.trace.agreement import supported
+from rig.procedures.attitude.trace.alternatives import alternatives
+from rig.procedures.attitude.trace.constant import doubts_of
+from rig.procedures.attitude.trace.estimate import concerns, estimate, stated
+from rig.procedures.attitude.trace.family import family_of
+from rig.procedures.attitude.trace.findings import residual_of, sensor_trace
+from rig.procedures.attitude.trace.judge import AttitudeJudge
+from rig.procedures.attitude.trace.nameless import Nameless
+from rig.procedures.attitude.trace.outliers import outliers
+from rig.procedures.attitude.trace.plausible import plausible
+from rig.procedures.attitude.trace.pose import pose
+from rig.procedures.attitude.trace.problem import Problem
+from rig.procedures.attitude.trace.restarts import search_with_restarts
+from rig.procedures.attitude.trace.result import Trace
+from rig.procedures.attitude.trace.score import score
+from rig.procedures.attitude.trace.simpler import simplified
+from rig.procedures.attitude.trace.wander import expected, with_wander
 
 SEED = 20260115
 
@@ -102,7 +102,7 @@ def trace(
         unnamed: whether smooth terms without a cause may absorb the remainder, by the same rule.
 
     Raises:
-        fitter.linear.RankError: the points do not determine the declared model.
+        rig.fitter.linear.RankError: the points do not determine the declared model.
         FitError: the declared model has temperature, and none was recorded or it never changed.
     """
     search = Search((*catalogue, *UNNAMED) if unnamed else tuple(catalogue), temperature, unnamed)

@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.quantiles import f_limit
-from fitter.trace.aliases import NOTHING_LEFT
-from fitter.trace.whitened import Whitened
-from procedures.attitude.trace.levels import Level
-from procedures.attitude.trace.problem import Problem
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.quantiles import f_limit
+from rig.fitter.trace.aliases import NOTHING_LEFT
+from rig.fitter.trace.whitened import Whitened
+from rig.procedures.attitude.trace.levels import Level
+from rig.procedures.attitude.trace.problem import Problem
 
 RESOLVED = 1e-12
 """Relative size of an output's range below which differences are rounding; data without noise are not tested against

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from itertools import permutations
 
-from fitter.trace.aliases import DELTA
-from fitter.trace.search import names_of
-from procedures.attitude.trace.judge import AttitudeJudge
+from rig.fitter.trace.aliases import DELTA
+from rig.fitter.trace.search import names_of
+from rig.procedures.attitude.trace.judge import AttitudeJudge
 
 ROUNDS = 4
 

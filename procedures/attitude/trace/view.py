@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
-from procedures.attitude.trace.levels import Level
-from procedures.attitude.trace.problem import Problem
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
+from rig.procedures.attitude.trace.levels import Level
+from rig.procedures.attitude.trace.problem import Problem
 
 
 class View:

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, qr
 from scipy.linalg.lapack import dtbtrs
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
 
 STEPS = (0.0, 1e-5, 6e-5, 3.6e-4, 2.2e-3, 1.3e-2, 8e-2)
 """Tried mean square steps of a walk between observations, over the variance of the scatter."""

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from scipy import sparse, special
 
-from fitter.arrays import FloatArray, IntArray
-from procedures.attitude.trace.levels import stretches
-from procedures.attitude.trace.problem import Problem
-from procedures.attitude.trace.score import errors, whiten
-from procedures.attitude.trace.walks import STEPS
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.procedures.attitude.trace.levels import stretches
+from rig.procedures.attitude.trace.problem import Problem
+from rig.procedures.attitude.trace.score import errors, whiten
+from rig.procedures.attitude.trace.walks import STEPS
 
 OBSERVATIONS = 24
 """Number of observations in one stretch: long enough to detect a slow walk in the scatter, short enough for many

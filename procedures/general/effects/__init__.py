@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from itertools import combinations
 from typing import Any
 
-from fitter.effects.entry import Source
-from fitter.effects.sizes import Size
-from procedures.general.effects.catalogue import TABLE_CATALOGUE
-from procedures.general.effects.hands import HANDS
-from procedures.general.effects.kind import Of, TableEffect, TableKind
-from procedures.general.effects.scene import TableScene, is_temperature
+from rig.fitter.effects.entry import Source
+from rig.fitter.effects.sizes import Size
+from rig.procedures.general.effects.catalogue import TABLE_CATALOGUE
+from rig.procedures.general.effects.hands import HANDS
+from rig.procedures.general.effects.kind import Of, TableEffect, TableKind
+from rig.procedures.general.effects.scene import TableScene, is_temperature
 
 OF_CONSTANT = "error of the constant of "
 """Begin of the name of a column that tells the error of a searched constant."""

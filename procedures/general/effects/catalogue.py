@@ -6,15 +6,15 @@ cause first.
 
 from __future__ import annotations
 
-from procedures.general.effects.kind import TableKind
-from procedures.general.effects.of_instruments import (
+from rig.procedures.general.effects.kind import TableKind
+from rig.procedures.general.effects.of_instruments import (
     RANGE_GAIN,
     RANGE_STEP,
     REFERENCE_NONLINEARITY,
     SELF_HEATING,
     SELF_HEATING_OF_COVARIATE,
 )
-from procedures.general.effects.of_others import (
+from rig.procedures.general.effects.of_others import (
     BIT_INTERACTION,
     BIT_WEIGHTS,
     BIT_WEIGHTS_BY_GROUP,
@@ -31,7 +31,7 @@ from procedures.general.effects.of_others import (
     HYSTERESIS,
     SENSITIVITY,
 )
-from procedures.general.effects.of_settings import (
+from rig.procedures.general.effects.of_settings import (
     CLIP,
     DEAD_ZONE,
     FIFTH_ORDER,
@@ -49,7 +49,7 @@ from procedures.general.effects.of_settings import (
     SQUARE_ROOT,
     THIRD_ORDER,
 )
-from procedures.general.effects.of_time import (
+from rig.procedures.general.effects.of_time import (
     AGEING,
     ANNUAL_CYCLE,
     CARRY_OVER,

@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.general.effects.scene import Profile, TableScene, TableTerm, is_angle
+from rig.fitter.arrays import FloatArray
+from rig.procedures.general.effects.scene import Profile, TableScene, TableTerm, is_angle
 
 KNOTS, DECAYS = 24, 5
 CYCLES_MOST, OVERSAMPLED, PER_CYCLE = 120, 2, 2.5

@@ -6,8 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
-from procedures.general.effects.columns import Terms, origin, power_text
-from procedures.general.effects.scene import TableScene, TableTerm
+from rig.procedures.general.effects.columns import Terms, origin, power_text
+from rig.procedures.general.effects.scene import TableScene, TableTerm
 
 
 def offsets(scene: TableScene, group: str) -> Terms:

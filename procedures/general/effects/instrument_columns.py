@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.column_names import with_word
-from procedures.general.effects.columns import Terms, middle, rounded, searched, whole
-from procedures.general.effects.quantities import is_quantity
-from procedures.general.effects.scene import TableScene, TableTerm, is_temperature
+from rig.fitter.arrays import FloatArray
+from rig.procedures.column_names import with_word
+from rig.procedures.general.effects.columns import Terms, middle, rounded, searched, whole
+from rig.procedures.general.effects.quantities import is_quantity
+from rig.procedures.general.effects.scene import TableScene, TableTerm, is_temperature
 
 DECADES = 0.15
 """Settings spread over decades if their median size is below this share of the largest; on an even scale it is 0.5."""

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from fitter.effects.entry import Entry, Stratum
-from procedures.general.effects.quantities import Quantity, are_neighbours, is_quantity
-from procedures.general.effects.scene import TableScene, TableTerm
+from rig.fitter.effects.entry import Entry, Stratum
+from rig.procedures.general.effects.quantities import Quantity, are_neighbours, is_quantity
+from rig.procedures.general.effects.scene import TableScene, TableTerm
 
 Of = Literal[
     "constant",
@@ -49,7 +49,7 @@ class TableKind:
         terms: its columns.
         warm: the kind's name if the column is a temperature.
         called: kinds in its place if the column is such a quantity: the same columns under the field's own name.
-        dynamic: see `fitter.effects.entry.Entry`.
+        dynamic: see `rig.fitter.effects.entry.Entry`.
         beside: the same for the output of a sensor beside that of the response.
     """
 

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter.arithmetic_text import parse_expression
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.column_names import moves_of
-from procedures.general.effects.scene import Stood
-from procedures.general.effects.time_columns import lagging
+from rig.fitter.arithmetic_text import parse_expression
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.column_names import moves_of
+from rig.procedures.general.effects.scene import Stood
+from rig.procedures.general.effects.time_columns import lagging
 
 _REMEMBERS = re.compile(r"(?<![\w.])(previous|lag|rate|side)\(")
 _TURNED = re.compile(r"(?<![\w.])(sin|cos)\((\d+) ([^\W\d][\w.]*)\)")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from procedures.general.effects import instrument_columns as columns
-from procedures.general.effects.kind import TableKind
+from rig.procedures.general.effects import instrument_columns as columns
+from rig.procedures.general.effects.kind import TableKind
 
 SELF_HEATING = TableKind(
     "self-heating",

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from procedures.general.effects import columns
-from procedures.general.effects import group_columns as groups
-from procedures.general.effects.kind import TableKind
+from rig.procedures.general.effects import columns
+from rig.procedures.general.effects import group_columns as groups
+from rig.procedures.general.effects.kind import TableKind
 
 _HOLD = "hold everything else and change {0} alone, up and down"
 _AT_TWO = "measure the whole range of {1} at two values of {0}"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from procedures.general.effects import columns
-from procedures.general.effects.kind import TableKind
+from rig.procedures.general.effects import columns
+from rig.procedures.general.effects.kind import TableKind
 
 _AT_TWO = "measure the whole range of {1} at two values of {0}"
 

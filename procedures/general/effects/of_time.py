@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from procedures.general.effects import columns
-from procedures.general.effects import time_columns as in_time
-from procedures.general.effects.kind import TableKind
+from rig.procedures.general.effects import columns
+from rig.procedures.general.effects import time_columns as in_time
+from rig.procedures.general.effects.kind import TableKind
 
 _REPEAT_LATER = "repeat some settings much later and in another order: an effect of the setting stays with it"
 

@@ -1,4 +1,4 @@
-"""A laboratory's own effects in tables of any kind (`fitter.effects.own`).
+"""A laboratory's own effects in tables of any kind (`rig.fitter.effects.own`).
 
 Stratum "row", scope "sensor". Variables of columns are columns of the table: settings, covariates and the time. A table
 without one of them is not tested for the effect, which is said.
@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from fitter.effects.own import Grammar
-from fitter.effects.own_formula import OwnFormula
-from procedures.general.effects.kind import TableEffect, TableKind
-from procedures.general.effects.scene import TableScene, TableTerm
+from rig.fitter.effects.own import Grammar
+from rig.fitter.effects.own_formula import OwnFormula
+from rig.procedures.general.effects.kind import TableEffect, TableKind
+from rig.procedures.general.effects.scene import TableScene, TableTerm
 
 
 class _AnyColumn(Collection[str]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Literal
 
-from procedures.general.effects.scene import is_temperature
+from rig.procedures.general.effects.scene import is_temperature
 
 Quantity = Literal["temperature", "load", "current", "resistance"]
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.effects.entry import Entry
-from fitter.errors import FitError
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.effects.entry import Entry
+from rig.fitter.errors import FitError
 
 _TEMPERATURE = re.compile(r"temp|deg_?c$|(^|[_.])t_?c$|_c$|_k$|oven|ambient|^t[0-9]?$", re.IGNORECASE)
 _ANGLE = re.compile(r"deg(?!_?[cfk]$)|angle|azimuth|theta|phi$", re.IGNORECASE)

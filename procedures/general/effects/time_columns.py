@@ -7,8 +7,8 @@ from itertools import accumulate
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.general.effects.columns import (
+from rig.fitter.arrays import FloatArray
+from rig.procedures.general.effects.columns import (
     FEWEST_FOR_KNOT,
     Terms,
     less,
@@ -20,7 +20,7 @@ from procedures.general.effects.columns import (
     wave,
     whole,
 )
-from procedures.general.effects.scene import CYCLES, Profile, Stood, TableScene, TableTerm
+from rig.procedures.general.effects.scene import CYCLES, Profile, Stood, TableScene, TableTerm
 
 STEPS, LAGS, SETTLINGS = 60, 10, 12
 FEWEST_BESIDE_STEP = 5

@@ -1,8 +1,8 @@
 """The abscissa of a fitted curve from a new reading of its response."""
 
-from procedures.general.infer.calibration import CurveCalibration
-from procedures.general.infer.curve import InferredCurve, infer_curve
-from procedures.general.infer.factored import Factored
-from procedures.general.infer.frames import too_few_digits
+from rig.procedures.general.infer.calibration import CurveCalibration
+from rig.procedures.general.infer.curve import InferredCurve, infer_curve
+from rig.procedures.general.infer.factored import Factored
+from rig.procedures.general.infer.frames import too_few_digits
 
 __all__ = ["CurveCalibration", "Factored", "InferredCurve", "infer_curve", "too_few_digits"]

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.nonlinear import Curve
-from procedures.general.curves import curve_from_dict, curve_to_dict
-from procedures.general.infer.factored import Factored
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.nonlinear import Curve
+from rig.procedures.general.curves import curve_from_dict, curve_to_dict
+from rig.procedures.general.infer.factored import Factored
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from procedures.general.infer.calibration import CurveCalibration
-from procedures.general.infer.frames import FLAT, Frames, frames, turns
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.procedures.general.infer.calibration import CurveCalibration
+from rig.procedures.general.infer.frames import FLAT, Frames, frames, turns
 
 BAD_READING = "not a finite number"
 _UNDEFINED = "the curve is undefined between the calibrated range and this value"

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from fitter import LinearFit
-from fitter.arrays import FloatArray
-from fitter.split_plot import SplitPlotFit
+from rig.fitter import LinearFit
+from rig.fitter.arrays import FloatArray
+from rig.fitter.split_plot import SplitPlotFit
 
 LEAST_DIGITS = 1e-3
 """Maximum accepted relative rounding error of a variance, and of a curve in standard deviations."""

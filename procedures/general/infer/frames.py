@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.general.infer.calibration import CurveCalibration
-from procedures.general.infer.factored import EPS, LEAST_DIGITS
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.general.infer.calibration import CurveCalibration
+from rig.procedures.general.infer.factored import EPS, LEAST_DIGITS
 
 BEYOND = 0.02
 """Permitted distance of a value from the calibrated range, relative to its width: settings have errors."""

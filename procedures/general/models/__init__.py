@@ -3,7 +3,7 @@
 A new model is an entry in such a module, or a module; nothing else changes (docs/reference/table_models.md).
 """
 
-from procedures.general.models.entry import Derived, Parameter, Quantity, StandardModel
-from procedures.general.models.named import NamedCurve, standard_models
+from rig.procedures.general.models.entry import Derived, Parameter, Quantity, StandardModel
+from rig.procedures.general.models.named import NamedCurve, standard_models
 
 __all__ = ["Derived", "NamedCurve", "Parameter", "Quantity", "StandardModel", "standard_models"]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray
 
 
 @dataclass(frozen=True)

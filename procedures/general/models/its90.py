@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.general.models.entry import Parameter, Quantity, StandardModel, power_series, straight
+from rig.fitter.arrays import FloatArray
+from rig.procedures.general.models.entry import Parameter, Quantity, StandardModel, power_series, straight
 
 _SOURCE = (
     "The International Temperature Scale of 1990, equations (9a), (10a) and tables 1 and 4; Metrologia 27 (1990) 3"

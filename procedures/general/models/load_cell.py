@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.general.models.entry import Parameter, Quantity, StandardModel, power_series, straight
+from rig.fitter.arrays import FloatArray
+from rig.procedures.general.models.entry import Parameter, Quantity, StandardModel, power_series, straight
 
 _SOURCE = "ISO 376:2011, 7.5 and annex: interpolation equation of degree 1, 2 or 3"
 

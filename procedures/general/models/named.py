@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-import procedures.general.models as here
-from fitter.arithmetic import quoted
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.nonlinear import ByStep
-from procedures.general.models.entry import StandardModel
+import rig.procedures.general.models as here
+from rig.fitter.arithmetic import quoted
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.nonlinear import ByStep
+from rig.procedures.general.models.entry import StandardModel
 
 
 @cache
@@ -55,16 +55,16 @@ class NamedCurve(ByStep):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """See `fitter.nonlinear.Curve`."""
+        """See `rig.fitter.nonlinear.Curve`."""
         return (self.variable,)
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """See `fitter.nonlinear.Curve`."""
+        """See `rig.fitter.nonlinear.Curve`."""
         return tuple(one.name for one in self.model.parameters)
 
     def at(self, b: Sequence[Any], table: Mapping[str, Any]) -> Any:
-        """See `fitter.nonlinear.ByStep`."""
+        """See `rig.fitter.nonlinear.ByStep`."""
         factor, offset = self.response
         return (self.model.curve(b, self.of_model(table[self.variable])) - offset) / factor
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.general.models.entry import Derived, Parameter, Quantity, StandardModel, straight
+from rig.fitter.arrays import FloatArray
+from rig.procedures.general.models.entry import Derived, Parameter, Quantity, StandardModel, straight
 
 _SOURCE = "IEC 60751:2008, 4.2 (equation and nominal A, B, C); Callendar 1887, Van Dusen 1925"
 _T, _R = Quantity("temperature", "degC"), Quantity("resistance", "ohm")

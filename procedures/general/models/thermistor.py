@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.general.models.entry import Parameter, Quantity, StandardModel, straight
+from rig.fitter.arrays import FloatArray
+from rig.procedures.general.models.entry import Parameter, Quantity, StandardModel, straight
 
 _ICE_K, _STEPS = 273.15, 6
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.general.models.entry import Parameter, Quantity, StandardModel, power_series, straight
+from rig.fitter.arrays import FloatArray
+from rig.procedures.general.models.entry import Parameter, Quantity, StandardModel, power_series, straight
 
 _SOURCE = "NIST Monograph 175 (1993), NIST Standard Reference Database 60; IEC 60584-1:2013 has the same functions"
 _Piece = tuple[float, tuple[float, ...]]

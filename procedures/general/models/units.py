@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from fitter.errors import FitError
+from rig.fitter.errors import FitError
 
 _FAMILIES: Mapping[str, Mapping[str, tuple[float, float]]] = {
     "degC": {"degC": (1.0, 0.0), "K": (1.0, -273.15), "degF": (5.0 / 9.0, -160.0 / 9.0)},

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.general.models.entry import Derived, Parameter, Quantity, StandardModel, straight
+from rig.fitter.arrays import FloatArray
+from rig.procedures.general.models.entry import Derived, Parameter, Quantity, StandardModel, straight
 
 
 def _antoine(b: Sequence[Any], t: Any) -> Any:

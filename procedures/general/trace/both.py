@@ -13,9 +13,9 @@ from typing import Self
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from procedures.general.trace.noise import BoolArray, Wandering
-from procedures.general.trace.shared import Shared
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.procedures.general.trace.noise import BoolArray, Wandering
+from rig.procedures.general.trace.shared import Shared
 
 RATIOS = (0.0, 0.1, 0.5, 2.0, 10.0, 100.0)
 """Variance of the common error of a group over the variance of a row in it."""

@@ -6,14 +6,14 @@ from itertools import permutations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.constancy import ENDS, Change, change, products
-from fitter.trace.doubts import one_that_changes
-from fitter.trace.exchange import stands_in
-from fitter.trace.flexible import waves
-from fitter.trace.search import names_of
-from procedures.general.trace.nameless import ASKED_AGAIN, Nameless
-from procedures.general.trace.run import TableData
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.constancy import ENDS, Change, change, products
+from rig.fitter.trace.doubts import one_that_changes
+from rig.fitter.trace.exchange import stands_in
+from rig.fitter.trace.flexible import waves
+from rig.fitter.trace.search import names_of
+from rig.procedures.general.trace.nameless import ASKED_AGAIN, Nameless
+from rig.procedures.general.trace.run import TableData
 
 TO_A_LEVEL = 6
 """Rows in a level of a group, on average, from which on a coefficient is asked to be the same in all levels."""

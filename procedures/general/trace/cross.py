@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import IntArray
-from fitter.linear import orthonormal
-from fitter.trace.search import search_and_name
-from procedures.general.effects.time_columns import of_start
-from procedures.general.trace.estimate import estimate
-from procedures.general.trace.family import TableFamily
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.noise import Wandering
-from procedures.general.trace.problem import Candidate, Problem
-from procedures.general.trace.refine import refined
-from procedures.general.trace.rivalry import Rivalry
-from procedures.general.trace.shared import Shared
+from rig.fitter.arrays import IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.search import search_and_name
+from rig.procedures.general.effects.time_columns import of_start
+from rig.procedures.general.trace.estimate import estimate
+from rig.procedures.general.trace.family import TableFamily
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.noise import Wandering
+from rig.procedures.general.trace.problem import Candidate, Problem
+from rig.procedures.general.trace.refine import refined
+from rig.procedures.general.trace.rivalry import Rivalry
+from rig.procedures.general.trace.shared import Shared
 
 SMALL, FOLDS, BLOCKS, SEED = 12, 5, 20, 5
 SHARING = "groups with an error in common"

@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.doubts import DOUBT
-from fitter.trace.flexible import Block, turns, waves
-from fitter.trace.lines import Line, folded
-from fitter.trace.outcome import Instead
-from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
-from procedures.general.effects.scene import TableScene, is_angle
-from procedures.general.trace.nameless import Left, Nameless
-from procedures.general.trace.places import PER_COLUMN, Place
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.doubts import DOUBT
+from rig.fitter.trace.flexible import Block, turns, waves
+from rig.fitter.trace.lines import Line, folded
+from rig.fitter.trace.outcome import Instead
+from rig.fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
+from rig.procedures.general.effects.scene import TableScene, is_angle
+from rig.procedures.general.trace.nameless import Left, Nameless
+from rig.procedures.general.trace.places import PER_COLUMN, Place
 
 HARMONICS, FINE = 3, 24
 """Harmonics of a period that its shape may have; waves of a curve that is drawn over one variable."""

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter import LinearFit, RankError, least_squares
-from fitter.arrays import FloatArray, IntArray
-from fitter.errors import FitError
-from fitter.linear import orthonormal
-from fitter.split_plot import fit_split_plot
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.shared import Shared
+from rig.fitter import LinearFit, RankError, least_squares
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.errors import FitError
+from rig.fitter.linear import orthonormal
+from rig.fitter.split_plot import fit_split_plot
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.shared import Shared
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,9 @@ noise fitted without effects, and scored like the table itself, with the noise f
 parametric bootstrap of the likelihood ratio (Davison and Hinkley, Bootstrap Methods, 1997, ch. 4). The best score of
 each effect is calibrated separately with these draws, so that neither many values of a constant nor effects imitated by
 noise mask the others; then the smallest of all p is calibrated (Westfall and Young, Resampling-Based Multiple Testing,
-1993). It is run at `fitter.trace.chance.ALPHA`, so that the rate over steps is 5 %. Of several sensors of one run each
-has a family of its own; p is then that of the best of all of them (Sidak, JASA 62 (1967) 626: exact if their noise is
-independent, cautious if it is not).
+1993). It is run at `rig.fitter.trace.chance.ALPHA`, so that the rate over steps is 5 %. Of several sensors of one run
+each has a family of its own; p is then that of the best of all of them (Sidak, JASA 62 (1967) 626: exact if their noise
+is independent, cautious if it is not).
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.sums_of_squares import off
-from fitter.trace.chance import ALPHA
-from procedures.general.trace.lengths import Simulated, Single
-from procedures.general.trace.noise import BoolArray
-from procedures.general.trace.problem import SPARED, Problem
-from procedures.general.trace.score import FEWEST_FOR_SCATTER, Blocks, View
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.sums_of_squares import off
+from rig.fitter.trace.chance import ALPHA
+from rig.procedures.general.trace.lengths import Simulated, Single
+from rig.procedures.general.trace.noise import BoolArray
+from rig.procedures.general.trace.problem import SPARED, Problem
+from rig.procedures.general.trace.score import FEWEST_FOR_SCATTER, Blocks, View
 
 WORK = 1.2e9
 """Maximum number of multiplications of a simulation."""

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.trace.doubts import rests_on
-from fitter.trace.search import names_of
-from procedures.general.gross import of_table
-from procedures.general.trace.nameless import Nameless
-from procedures.general.trace.problem import Problem
-from procedures.general.trace.run import Found, TableData, problem_of, search_table
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.doubts import rests_on
+from rig.fitter.trace.search import names_of
+from rig.procedures.general.gross import of_table
+from rig.procedures.general.trace.nameless import Nameless
+from rig.procedures.general.trace.problem import Problem
+from rig.procedures.general.trace.run import Found, TableData, problem_of, search_table
 
 MOST = 2
 """Rows that are left out to see whether a name rests on them."""

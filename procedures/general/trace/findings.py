@@ -7,22 +7,22 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUANTISATION
-from fitter.resolution import least_sd, resolution
-from fitter.trace.chance import ALPHA
-from fitter.trace.coarse import lattice
-from fitter.trace.growing_noise import Growth, OfLevels
-from procedures.general.trace.both import Both
-from procedures.general.trace.estimate import error_of
-from procedures.general.trace.family import of_all
-from procedures.general.trace.few_rows import Searched
-from procedures.general.trace.intervals import in_words, moved, understated
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.noise import Wandering
-from procedures.general.trace.result import FoundTableEffect
-from procedures.general.trace.robust import scale
-from procedures.general.trace.run import FITTED, SIZE_OF_FITTED, TableData
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUANTISATION
+from rig.fitter.resolution import least_sd, resolution
+from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.coarse import lattice
+from rig.fitter.trace.growing_noise import Growth, OfLevels
+from rig.procedures.general.trace.both import Both
+from rig.procedures.general.trace.estimate import error_of
+from rig.procedures.general.trace.family import of_all
+from rig.procedures.general.trace.few_rows import Searched
+from rig.procedures.general.trace.intervals import in_words, moved, understated
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.noise import Wandering
+from rig.procedures.general.trace.result import FoundTableEffect
+from rig.procedures.general.trace.robust import scale
+from rig.procedures.general.trace.run import FITTED, SIZE_OF_FITTED, TableData
 
 SHOWN = 8
 """Maximum number of named outliers."""

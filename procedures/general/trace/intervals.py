@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
-from procedures.general.trace.judge import TableJudge
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
+from rig.procedures.general.trace.judge import TableJudge
 
 UNDETERMINED = 1e-10
 NOTABLE = 0.05

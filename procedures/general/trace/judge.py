@@ -8,17 +8,17 @@ from functools import cached_property
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.aliases import PER_COLUMN, Rival
-from fitter.trace.chance import ALPHA
-from procedures.general.trace.family import CERTAIN, TableFamily, evidence, family_of, least_of
-from procedures.general.trace.lengths import Simulated
-from procedures.general.trace.likelihood import Beside, Grid, ratio
-from procedures.general.trace.problem import Candidate, Problem
-from procedures.general.trace.rivalry import Rivalry, Trial, possible_of
-from procedures.general.trace.rivals import rivals
-from procedures.general.trace.robust import excess
-from procedures.general.trace.score import View, ranked, score
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.aliases import PER_COLUMN, Rival
+from rig.fitter.trace.chance import ALPHA
+from rig.procedures.general.trace.family import CERTAIN, TableFamily, evidence, family_of, least_of
+from rig.procedures.general.trace.lengths import Simulated
+from rig.procedures.general.trace.likelihood import Beside, Grid, ratio
+from rig.procedures.general.trace.problem import Candidate, Problem
+from rig.procedures.general.trace.rivalry import Rivalry, Trial, possible_of
+from rig.procedures.general.trace.rivals import rivals
+from rig.procedures.general.trace.robust import excess
+from rig.procedures.general.trace.score import View, ranked, score
 
 SHORTLIST = 8
 """Number of effects examined closely at each step, by their reduction of the residual."""
@@ -47,7 +47,7 @@ Key = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False)
 class TableJudge:
-    """A `procedures.attitude.trace.search.Judge` of tables.
+    """A `rig.procedures.attitude.trace.search.Judge` of tables.
 
     Attributes:
         problem: the table.

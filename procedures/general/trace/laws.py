@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from fitter.trace.doubts import another_law
-from fitter.trace.search import names_of
-from procedures.general.effects.of_settings import CLIP, KINK
-from procedures.general.trace.judge import ALIKE
-from procedures.general.trace.nameless import Nameless
+from rig.fitter.trace.doubts import another_law
+from rig.fitter.trace.search import names_of
+from rig.procedures.general.effects.of_settings import CLIP, KINK
+from rig.procedures.general.trace.judge import ALIKE
+from rig.procedures.general.trace.nameless import Nameless
 
 CURVES = "nonlinearity"
 

@@ -13,10 +13,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from procedures.general.trace.problem import Problem
-from procedures.general.trace.score import NOTHING_LEFT, Apart, in_turn
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.procedures.general.trace.problem import Problem
+from rig.procedures.general.trace.score import NOTHING_LEFT, Apart, in_turn
 
 Single = NDArray[np.float32]
 CONSTANT = 1e-12

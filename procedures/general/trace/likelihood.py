@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from procedures.general.trace.noise import BoolArray, Noise
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.procedures.general.trace.noise import BoolArray, Noise
 
 _TINY = np.finfo(float).tiny
 _MOST = 600.0

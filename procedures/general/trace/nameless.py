@@ -9,10 +9,10 @@ from itertools import combinations
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.resolution import least_sd, resolution
-from fitter.trace.aliases import DELTA
-from fitter.trace.doubts import (
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.resolution import least_sd, resolution
+from rig.fitter.trace.aliases import DELTA
+from rig.fitter.trace.doubts import (
     BUNDLE,
     CHANGES,
     DOUBT,
@@ -24,20 +24,20 @@ from fitter.trace.doubts import (
     several_values,
     something_left,
 )
-from fitter.trace.fine_periods import fine_period
-from fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, tried, turns
-from fitter.trace.lines import Line, folded, line
-from fitter.trace.repeats import HARMONICS, ORDERS, repeats
-from fitter.trace.search import names_of
-from fitter.trace.two_levels import TwoLevels, two_levels
-from procedures.general.effects.scene import at_levels
-from procedures.general.trace.both import Both
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.likelihood import Grid
-from procedures.general.trace.noise import Noise, Wandering
-from procedures.general.trace.places import Place, places_of
-from procedures.general.trace.run import TableData, times_of
-from procedures.general.trace.together import together
+from rig.fitter.trace.fine_periods import fine_period
+from rig.fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, tried, turns
+from rig.fitter.trace.lines import Line, folded, line
+from rig.fitter.trace.repeats import HARMONICS, ORDERS, repeats
+from rig.fitter.trace.search import names_of
+from rig.fitter.trace.two_levels import TwoLevels, two_levels
+from rig.procedures.general.effects.scene import at_levels
+from rig.procedures.general.trace.both import Both
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.likelihood import Grid
+from rig.procedures.general.trace.noise import Noise, Wandering
+from rig.procedures.general.trace.places import Place, places_of
+from rig.procedures.general.trace.run import TableData, times_of
+from rig.procedures.general.trace.together import together
 
 ASKED_AGAIN = 0.05
 """Probability above which a shape is not tested against slower noise too."""

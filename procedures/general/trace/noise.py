@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
-from fitter.arrays import FloatArray, IntArray
+from rig.fitter.arrays import FloatArray, IntArray
 
 SHARES = (1.0, 0.7, 0.4, 0.15)
 """Shares of the slow part in the variance of one row; the rest is independent."""

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.trace.flexible import Block, turns
-from fitter.trace.found import Unnamed
-from fitter.trace.in_part import FEWEST, p_in_part
-from procedures.general.effects.scene import TableScene, at_levels
-from procedures.general.trace.nameless import Nameless
+from rig.fitter.trace.flexible import Block, turns
+from rig.fitter.trace.found import Unnamed
+from rig.fitter.trace.in_part import FEWEST, p_in_part
+from rig.procedures.general.effects.scene import TableScene, at_levels
+from rig.procedures.general.trace.nameless import Nameless
 
 LEVELS = 6
 """Values of a column of numbers, at most, that is one of kinds of rows."""

@@ -8,11 +8,11 @@ from itertools import combinations
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.trace.flexible import Block, orders_of, turns, waves
-from fitter.trace.latches import latches
-from procedures.general.effects.scene import Grouping, TableScene, at_levels, is_angle
-from procedures.general.effects.time_columns import lagging
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.flexible import Block, orders_of, turns, waves
+from rig.fitter.trace.latches import latches
+from rig.procedures.general.effects.scene import Grouping, TableScene, at_levels, is_angle
+from rig.procedures.general.effects.time_columns import lagging
 
 OVER, TIME, BESIDE = 12, 12, 6
 """Maximum number of waves over a setting or covariate, over the time, and in products."""

@@ -11,15 +11,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.resolution import resolution
-from fitter.trace.jointly import nearest, ranks
-from fitter.trace.not_kept import NotKept, overflows
-from procedures.general.effects import TableEffect, effects_of
-from procedures.general.effects.of_settings import FIRST_ORDER
-from procedures.general.effects.scene import TableScene, TableTerm
-from procedures.general.read_settings import settings_of, share_within
-from procedures.general.trace.noise import WIDE, Noise
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.resolution import resolution
+from rig.fitter.trace.jointly import nearest, ranks
+from rig.fitter.trace.not_kept import NotKept, overflows
+from rig.procedures.general.effects import TableEffect, effects_of
+from rig.procedures.general.effects.of_settings import FIRST_ORDER
+from rig.procedures.general.effects.scene import TableScene, TableTerm
+from rig.procedures.general.read_settings import settings_of, share_within
+from rig.procedures.general.trace.noise import WIDE, Noise
 
 REPEATED = 2
 """Readings of a setting, at least, on average, by which settings are levels."""

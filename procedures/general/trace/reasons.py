@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from fitter.trace.doubts import CHANGES, not_constant, not_sudden
-from procedures.general.trace.constant import changes, exchanged
-from procedures.general.trace.few_rows import resting
-from procedures.general.trace.laws import other_laws
-from procedures.general.trace.nameless import Nameless
-from procedures.general.trace.sudden import not_sudden as lasting
+from rig.fitter.trace.doubts import CHANGES, not_constant, not_sudden
+from rig.procedures.general.trace.constant import changes, exchanged
+from rig.procedures.general.trace.few_rows import resting
+from rig.procedures.general.trace.laws import other_laws
+from rig.procedures.general.trace.nameless import Nameless
+from rig.procedures.general.trace.sudden import not_sudden as lasting
 
 
 def doubts_of(nameless: Nameless) -> dict[str, str]:

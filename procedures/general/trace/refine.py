@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.linear import orthonormal
-from procedures.general.effects.scene import Profile, TableTerm
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.problem import Problem
+from rig.fitter.linear import orthonormal
+from rig.procedures.general.effects.scene import Profile, TableTerm
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.problem import Problem
 
 SWEEPS = 2
 

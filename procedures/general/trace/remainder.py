@@ -8,19 +8,19 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.trace.found import Unnamed
-from fitter.trace.lines import CLEAR, Line
-from fitter.trace.shape import Shape
-from procedures.general.trace.both import Both
-from procedures.general.trace.drawn import drawn, drawn_period
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.nameless import Left, Nameless
-from procedures.general.trace.noise import Wandering
-from procedures.general.trace.parts import in_parts
-from procedures.general.trace.score import NOTHING_LEFT
-from procedures.general.trace.smooth import Smooth, curve, offered
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.found import Unnamed
+from rig.fitter.trace.lines import CLEAR, Line
+from rig.fitter.trace.shape import Shape
+from rig.procedures.general.trace.both import Both
+from rig.procedures.general.trace.drawn import drawn, drawn_period
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.nameless import Left, Nameless
+from rig.procedures.general.trace.noise import Wandering
+from rig.procedures.general.trace.parts import in_parts
+from rig.procedures.general.trace.score import NOTHING_LEFT
+from rig.procedures.general.trace.smooth import Smooth, curve, offered
 
 UNEXPLAINED = 1e-3
 """Probability below which there is a remainder, over all tested places."""

@@ -7,34 +7,34 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.effects.noise import AUTOCORRELATION
-from fitter.linear import orthonormal
-from fitter.quantiles import t_tail
-from fitter.trace.aliases import DELTA
-from fitter.trace.doubts import CHANCE, MANY, beside_a_wander, by_chance, several_causes
-from fitter.trace.found import verdict
-from fitter.trace.not_kept import in_place_of
-from fitter.trace.search import names_of
-from fitter.trace.shares import of_rest, shares, unnamed_part
-from procedures.general.effects import TableEffect
-from procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
-from procedures.general.effects.time_columns import lag
-from procedures.general.swept import all_swept, functions_alike, swept_once
-from procedures.general.trace.both import Both
-from procedures.general.trace.cross import SHARING, left_out
-from procedures.general.trace.drawn import drawn_instead
-from procedures.general.trace.estimate import Estimate, estimate, strata_of
-from procedures.general.trace.few_rows import searched
-from procedures.general.trace.findings import noise_findings
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.nameless import Nameless
-from procedures.general.trace.noise import Wandering
-from procedures.general.trace.reasons import doubts_of
-from procedures.general.trace.remainder import pure_error, unnamed
-from procedures.general.trace.result import FoundTableEffect, TableSide, TableTrace
-from procedures.general.trace.run import Found, TableData
-from procedures.general.trace.shared import Shared
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.effects.noise import AUTOCORRELATION
+from rig.fitter.linear import orthonormal
+from rig.fitter.quantiles import t_tail
+from rig.fitter.trace.aliases import DELTA
+from rig.fitter.trace.doubts import CHANCE, MANY, beside_a_wander, by_chance, several_causes
+from rig.fitter.trace.found import verdict
+from rig.fitter.trace.not_kept import in_place_of
+from rig.fitter.trace.search import names_of
+from rig.fitter.trace.shares import of_rest, shares, unnamed_part
+from rig.procedures.general.effects import TableEffect
+from rig.procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
+from rig.procedures.general.effects.time_columns import lag
+from rig.procedures.general.swept import all_swept, functions_alike, swept_once
+from rig.procedures.general.trace.both import Both
+from rig.procedures.general.trace.cross import SHARING, left_out
+from rig.procedures.general.trace.drawn import drawn_instead
+from rig.procedures.general.trace.estimate import Estimate, estimate, strata_of
+from rig.procedures.general.trace.few_rows import searched
+from rig.procedures.general.trace.findings import noise_findings
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.nameless import Nameless
+from rig.procedures.general.trace.noise import Wandering
+from rig.procedures.general.trace.reasons import doubts_of
+from rig.procedures.general.trace.remainder import pure_error, unnamed
+from rig.procedures.general.trace.result import FoundTableEffect, TableSide, TableTrace
+from rig.procedures.general.trace.run import Found, TableData
+from rig.procedures.general.trace.shared import Shared
 
 WANDER = "slow-wander"
 """Name of the alias "noise with long memory" of an effect."""

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.json_values import JsonValue
-from fitter.trace.found import CONFIRMED, Found, Unnamed
-from fitter.trace.outcome import OF_REPLICATIONS, Instead, Outcome, Parameter, Row, WithError, absent
-from procedures.general.trace.estimate import Estimate
-from procedures.general.trace.run import Found as Search
+from rig.fitter.arrays import FloatArray
+from rig.fitter.json_values import JsonValue
+from rig.fitter.trace.found import CONFIRMED, Found, Unnamed
+from rig.fitter.trace.outcome import OF_REPLICATIONS, Instead, Outcome, Parameter, Row, WithError, absent
+from rig.procedures.general.trace.estimate import Estimate
+from rig.procedures.general.trace.run import Found as Search
 
 UNBOUNDED = (
     "no sign and no largest size is asked of an effect in tables of any kind: whether the named cause can be as large, "

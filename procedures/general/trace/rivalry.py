@@ -7,10 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.general.trace.likelihood import Beside
-from procedures.general.trace.noise import BoolArray
-from procedures.general.trace.problem import Problem
+from rig.fitter.arrays import FloatArray
+from rig.procedures.general.trace.likelihood import Beside
+from rig.procedures.general.trace.noise import BoolArray
+from rig.procedures.general.trace.problem import Problem
 
 Rivalry = Literal["any", "fast", "slow"]
 """Kinds of rivals: the best-fitting noise, without an effect and with it; the same for noise of short memory; or, with

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.aliases import DELTA, PER_COLUMN, Rival
-from procedures.general.trace.problem import Candidate, Problem
-from procedures.general.trace.score import View
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Rival
+from rig.procedures.general.trace.problem import Candidate, Problem
+from rig.procedures.general.trace.score import View
 
 CLOSEST = 6
 """Number of effects tried with several terms if the found effect has several."""

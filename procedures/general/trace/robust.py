@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.resolution import robust_sd
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.resolution import robust_sd
 
 ALONE = 4.5
 """Robust standard deviations from which a reading counts as isolated."""

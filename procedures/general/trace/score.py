@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpstrf, dtrtrs
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from procedures.general.trace.problem import SPARED, Problem
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.procedures.general.trace.problem import SPARED, Problem
 
 BoolArray = NDArray[np.bool_]
 Apart = tuple[FloatArray, BoolArray, IntArray, IntArray, FloatArray]

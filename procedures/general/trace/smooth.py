@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.json_values import JsonValue
-from fitter.linear import orthonormal
-from fitter.trace.found import Unnamed
-from procedures.general.trace.judge import TableJudge
+from rig.fitter.arrays import FloatArray
+from rig.fitter.json_values import JsonValue
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.found import Unnamed
+from rig.procedures.general.trace.judge import TableJudge
 
 MOST_ORDERS, PER_ORDER, ROWS_PER_ORDER = 12, 3, 4
 """Maximum order of a curve, and minimum numbers of distinct values and rows per order."""

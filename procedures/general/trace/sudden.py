@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.aliases import DELTA
-from fitter.trace.sudden import lead_over_slopes, slopes
-from procedures.general.effects.columns import origin
-from procedures.general.effects.of_time import SENSITIVITY_STEP, STEP
-from procedures.general.trace.nameless import Nameless
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.aliases import DELTA
+from rig.fitter.trace.sudden import lead_over_slopes, slopes
+from rig.procedures.general.effects.columns import origin
+from rig.procedures.general.effects.of_time import SENSITIVITY_STEP, STEP
+from rig.procedures.general.trace.nameless import Nameless
 
 
 def not_sudden(nameless: Nameless) -> frozenset[str]:

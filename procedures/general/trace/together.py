@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
-from fitter.trace.flexible import Block, orders_of, waves
-from fitter.trace.jointly import PER_COLUMN, Jointly, Metric, jointly, polynomials, spread_evenly
-from procedures.general.trace.judge import TableJudge
-from procedures.general.trace.noise import Noise
-from procedures.general.trace.places import Place
-from procedures.general.trace.run import TableData
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.flexible import Block, orders_of, waves
+from rig.fitter.trace.jointly import PER_COLUMN, Jointly, Metric, jointly, polynomials, spread_evenly
+from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace.noise import Noise
+from rig.procedures.general.trace.places import Place
+from rig.procedures.general.trace.run import TableData
 
 UNEXPLAINED = 1e-3
 """Probability below which there is a shape."""

@@ -1,5 +1,5 @@
 """Effects that a pressure calibration over temperature may lack."""
 
-from procedures.pressure.effects.catalogue import GROWING_NOISE, PRESSURE_CATALOGUE
+from rig.procedures.pressure.effects.catalogue import GROWING_NOISE, PRESSURE_CATALOGUE
 
 __all__ = ["GROWING_NOISE", "PRESSURE_CATALOGUE"]

@@ -6,10 +6,10 @@ earlier settings, `time` drifts and steps.
 
 from __future__ import annotations
 
-from fitter.effects.entry import Entry
-from fitter.effects.noise import NOISE_GROWS
-from fitter.effects.sizes import each
-from procedures.pressure.effects.line import (
+from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.noise import NOISE_GROWS
+from rig.fitter.effects.sizes import each
+from rig.procedures.pressure.effects.line import (
     CARRY_OVER,
     HEAD_CORRECTION,
     LINE_LEAK,
@@ -18,7 +18,7 @@ from procedures.pressure.effects.line import (
     REFERENCE_ZERO_DRIFT,
     TRANSPIRATION,
 )
-from procedures.pressure.effects.memory import (
+from rig.procedures.pressure.effects.memory import (
     CREEP,
     HYSTERESIS,
     HYSTERESIS_TEMPERATURE,
@@ -28,7 +28,7 @@ from procedures.pressure.effects.memory import (
     THERMAL_HYSTERESIS,
     THERMAL_RATCHET,
 )
-from procedures.pressure.effects.response import (
+from rig.procedures.pressure.effects.response import (
     DEAD_BAND,
     OFFSET_KNEE,
     OFFSET_TEMPERATURE,
@@ -46,8 +46,8 @@ from procedures.pressure.effects.response import (
     SSE_TEMPERATURE_CUBED,
     TOUCH_DOWN,
 )
-from procedures.pressure.effects.scene import PressureEffect
-from procedures.pressure.effects.time import (
+from rig.procedures.pressure.effects.scene import PressureEffect
+from rig.procedures.pressure.effects.time import (
     DAILY_COURSE,
     EXCITATION,
     OFFSET_STEP,
@@ -73,7 +73,7 @@ GROWING_NOISE = Entry(
     separate_by="repeat the highest and the lowest pressure several times in one whole plot",
     usual_size="3e-4 of the pressure",
 )
-"""It does not change the mean, so it has no candidate column: `fitter.trace.growing_noise` estimates it."""
+"""It does not change the mean, so it has no candidate column: `rig.fitter.trace.growing_noise` estimates it."""
 
 PRESSURE_CATALOGUE: tuple[PressureEffect, ...] = (
     OFFSET_TEMPERATURE,

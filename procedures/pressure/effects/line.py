@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Alias, Signed
-from fitter.effects.hands import resized_by
-from fitter.effects.sizes import by_term, each, micro
-from procedures.pressure.effects.hands import OTHER_GAUGE
-from procedures.pressure.effects.scene import (
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Alias, Signed
+from rig.fitter.effects.hands import resized_by
+from rig.fitter.effects.sizes import by_term, each, micro
+from rig.procedures.pressure.effects.hands import OTHER_GAUGE
+from rig.procedures.pressure.effects.scene import (
     AT_EASE,
     SECOND_GAUGE,
     PressureEffect,

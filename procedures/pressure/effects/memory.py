@@ -7,10 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Alias
-from fitter.effects.sizes import by_term, each, micro
-from procedures.pressure.effects.scene import (
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Alias
+from rig.fitter.effects.sizes import by_term, each, micro
+from rig.procedures.pressure.effects.scene import (
     AT_EASE,
     SOAK,
     PressureEffect,

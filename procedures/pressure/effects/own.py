@@ -1,4 +1,4 @@
-"""A laboratory's own effects of pressure transducers (`fitter.effects.own`).
+"""A laboratory's own effects of pressure transducers (`rig.fitter.effects.own`).
 
 Strata: "whole-plot" or "subplot". Scopes: "sensor", whose columns are mV for a coefficient of one, or "line", psi in
 all transducers.
@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.own import Grammar
-from fitter.effects.own_formula import OwnFormula
-from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.own import Grammar
+from rig.fitter.effects.own_formula import OwnFormula
+from rig.procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
 
 NAMES: Mapping[str, Callable[[PressureScene], FloatArray]] = {
     "P": lambda scene: scene.p,

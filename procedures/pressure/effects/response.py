@@ -10,11 +10,11 @@ from functools import partial
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Alias
-from fitter.effects.sizes import Size, by_term, each, micro
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects.scene import TIMES_WARM, PressureEffect, PressureScene, PressureTerm
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Alias
+from rig.fitter.effects.sizes import Size, by_term, each, micro
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects.scene import TIMES_WARM, PressureEffect, PressureScene, PressureTerm
 
 _MORE_PRESSURES = "read more pressures between those of the design, up and down, at one temperature"
 _MORE_TEMPERATURES = (

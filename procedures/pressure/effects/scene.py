@@ -9,12 +9,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Entry
-from fitter.effects.hands import ByHand
-from fitter.errors import FitError
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects.hands import FAMILIES
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.hands import ByHand
+from rig.fitter.errors import FitError
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects.hands import FAMILIES
 
 AMBIENT_PSIA = 14.7
 _FOR_A_CUBIC = 6
@@ -258,7 +258,7 @@ class PressureTerm:
     Attributes:
         name: unique within its effect.
         column: (n,) in the unit that makes the coefficient the effect's; psi for effects of the line.
-        formula: the same as a term of `fitter.formula`, up to terms of lower order; empty if there is none.
+        formula: the same as a term of `rig.fitter.formula`, up to terms of lower order; empty if there is none.
         unit: of its coefficient, if the effect's terms have different units; otherwise empty.
     """
 

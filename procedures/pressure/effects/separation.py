@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from fitter.effects.entry import Entry
-from procedures.pressure.effects.scene import SECOND_GAUGE, SOAK
+from rig.fitter.effects.entry import Entry
+from rig.procedures.pressure.effects.scene import SECOND_GAUGE, SOAK
 
 _MEMORY = frozenset({"creep", "hysteresis", "carry-over"})
 _STEPS = "repeat a pressure after steps of different height and side: an effect of the step differs"

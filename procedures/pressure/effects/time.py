@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Alias
-from fitter.effects.sizes import by_term, each, micro
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects.scene import SOAK, PressureEffect, PressureScene, PressureTerm, fixed
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Alias
+from rig.fitter.effects.sizes import by_term, each, micro
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects.scene import SOAK, PressureEffect, PressureScene, PressureTerm, fixed
 
 MOMENTS = 24
 """Maximum number of times tried for an unrecorded step."""

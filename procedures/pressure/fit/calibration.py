@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.json_values import coefficient_table
-from fitter.split_plot import SplitPlotFit, fit_split_plot
-from fitter.sums_of_squares import FTest
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.fit import lack_of_fit
-from procedures.pressure.fit.errors import Errors, Layout, estimate_errors
-from procedures.pressure.fit.methods import METHODS, MethodFit, Problem, fit_method
-from procedures.pressure.fit.models import HIERARCHICAL, check_determined, named_formula, reduced
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
+from rig.fitter.json_values import coefficient_table
+from rig.fitter.split_plot import SplitPlotFit, fit_split_plot
+from rig.fitter.sums_of_squares import FTest
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.fit import lack_of_fit
+from rig.procedures.pressure.fit.errors import Errors, Layout, estimate_errors
+from rig.procedures.pressure.fit.methods import METHODS, MethodFit, Problem, fit_method
+from rig.procedures.pressure.fit.models import HIERARCHICAL, check_determined, named_formula, reduced
 
 NOT_NESTED = "too few measurements for an own error of replications: it is part of the whole-plot error"
 
@@ -238,7 +238,7 @@ def fit_pressure(
     Args:
         data: the observations.
         output: name of its output.
-        model: "full", "II.C", "eq10" or "hierarchical" (`procedures.pressure.fit.models`), or a formula.
+        model: "full", "II.C", "eq10" or "hierarchical" (`rig.procedures.pressure.fit.models`), or a formula.
         extra: further terms, each a formula: effects found, such as "P^3".
         nested: whether whole plots are nested in replications with their own error; None: if there is more than one
             replication, with enough whole plots in each to estimate it.
@@ -250,8 +250,8 @@ def fit_pressure(
 
     Raises:
         KeyError: there is no such output, or the data lack a variable of the formula.
-        fitter.formula.FormulaError: the model is neither a name nor a formula.
-        fitter.linear.RankError: the observations do not determine the model.
+        rig.fitter.formula.FormulaError: the model is neither a name nor a formula.
+        rig.fitter.linear.RankError: the observations do not determine the model.
         FitError: there are no degrees of freedom for the errors, or the model has categories.
     """
     if output not in data.outputs:

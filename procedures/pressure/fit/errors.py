@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.split_plot import SplitPlotFit
-from procedures.pressure.data import WholePlotData
+from rig.fitter.arrays import FloatArray
+from rig.fitter.split_plot import SplitPlotFit
+from rig.procedures.pressure.data import WholePlotData
 
 GROWTH_LEVEL = 0.01
 """Probability of a false detection of growth with pressure."""

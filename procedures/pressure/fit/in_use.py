@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
+from rig.fitter.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from procedures.pressure.fit.methods import Problem
+    from rig.procedures.pressure.fit.methods import Problem
 
 OWN = 1e-6
 """Smallest singular value of 1 - H_ww for which other whole plots predict whole plot w."""

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from fitter.linear import orthonormal
-from fitter.sums_of_squares import NAN, FTest
-from procedures.pressure.fit.methods import Problem
+from rig.fitter.linear import orthonormal
+from rig.fitter.sums_of_squares import NAN, FTest
+from rig.procedures.pressure.fit.methods import Problem
 
 
 def lack_of_fit(problem: Problem) -> FTest:

@@ -14,17 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from fitter import Triangle
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.formula import Formula
-from fitter.json_values import coefficient_table
-from fitter.split_plot import SplitPlotFit
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.fit.errors import Errors, Layout
-from procedures.pressure.fit.in_use import InUse, in_use
-from procedures.pressure.fit.models import of_whole_plot
-from procedures.pressure.fit.reading_error import ReadingError, reading_error
+from rig.fitter import Triangle
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.formula import Formula
+from rig.fitter.json_values import coefficient_table
+from rig.fitter.split_plot import SplitPlotFit
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.fit.errors import Errors, Layout
+from rig.procedures.pressure.fit.in_use import InUse, in_use
+from rig.procedures.pressure.fit.models import of_whole_plot
+from rig.procedures.pressure.fit.reading_error import ReadingError, reading_error
 
 NO_PRESSURE = 1e-4
 """Readbacks below this part of the highest pressure count as zero: with weights 1/P they would dominate all others."""
@@ -215,7 +215,7 @@ def fit_method(problem: Problem, method: str, sensitivity_mV_per_psi: float | No
 
     Raises:
         FitError: the method cannot be used on these readings.
-        fitter.linear.RankError: it cannot estimate all its coefficients from them.
+        rig.fitter.linear.RankError: it cannot estimate all its coefficients from them.
     """
     y, data, layout = problem.data.outputs[problem.output], problem.data, problem.layout
     estimate = METHODS[method](problem)

@@ -11,13 +11,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitter import RankError, Triangle
-from fitter.arrays import FloatArray, IntArray
-from fitter.formula import Formula
-from fitter.formula_text import Factor, Numeric, Term
-from fitter.quantiles import t_tail
-from fitter.split_plot import SplitPlotFit, fit_split_plot
-from procedures.pressure.data import WholePlotData
+from rig.fitter import RankError, Triangle
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.formula import Formula
+from rig.fitter.formula_text import Factor, Numeric, Term
+from rig.fitter.quantiles import t_tail
+from rig.fitter.split_plot import SplitPlotFit, fit_split_plot
+from rig.procedures.pressure.data import WholePlotData
 
 FULL = "full"
 """Of second order in pressure and both temperatures."""
@@ -47,7 +47,7 @@ def named_formula(model: str, extra: tuple[str, ...] = ()) -> Formula:
     are converted to P, T_sensor and T_SSE.
 
     Raises:
-        fitter.formula.FormulaError: neither a name nor a formula.
+        rig.fitter.formula.FormulaError: neither a name nor a formula.
     """
     formula = _parse(MODELS.get(model, MODELS[FULL] if model == HIERARCHICAL else model))
     for text in extra:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
+from rig.fitter.arrays import FloatArray, IntArray
 
 PAPER_SENSITIVITY_MV_PER_PSI = 2.0
 """The paper's divisor for conversion of mV to psi."""

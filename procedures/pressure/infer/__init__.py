@@ -3,7 +3,7 @@
 infer_pressure(fit.calibration(), bridge_mV, T_sensor, T_SSE, Zero(v_0, T_sensor_0, T_SSE_0))
 """
 
-from procedures.pressure.infer.in_flight import STOOD_DEGC, Inferred, infer_pressure
-from procedures.pressure.infer.zero import Departure, Zero, departure
+from rig.procedures.pressure.infer.in_flight import STOOD_DEGC, Inferred, infer_pressure
+from rig.procedures.pressure.infer.zero import Departure, Zero, departure
 
 __all__ = ["STOOD_DEGC", "Departure", "Inferred", "Zero", "departure", "infer_pressure"]

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from procedures.pressure.fit import PressureCalibration
-from procedures.pressure.infer.zero import Departure, Zero, ZeroCorrection, departure, out_of_reach
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.procedures.pressure.fit import PressureCalibration
+from rig.procedures.pressure.infer.zero import Departure, Zero, ZeroCorrection, departure, out_of_reach
 
 BEYOND = 0.02
 """Permitted distance of a value from the calibrated range, relative to its width: readbacks have errors, and the lowest

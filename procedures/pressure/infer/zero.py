@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.quantiles import t_tail
-from procedures.pressure.fit import PressureCalibration
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.quantiles import t_tail
+from rig.procedures.pressure.fit import PressureCalibration
 
 FARTHEST = 0.2
 """Highest pressure of a zero, relative to the highest calibrated; above, errors of the slope are relevant."""

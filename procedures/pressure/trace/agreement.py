@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter.arrays import IntArray
-from fitter.trace.aliases import DELTA, Products, Rival
-from fitter.trace.search import names_of, prune, search_and_name
-from fitter.trace.whitened import Whitened
-from procedures.pressure.trace.judge import WholePlotJudge
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.score import beside
+from rig.fitter.arrays import IntArray
+from rig.fitter.trace.aliases import DELTA, Products, Rival
+from rig.fitter.trace.search import names_of, prune, search_and_name
+from rig.fitter.trace.whitened import Whitened
+from rig.procedures.pressure.trace.judge import WholePlotJudge
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.score import beside
 
 SAME = 1e-3
 """Sine of the angle between two columns below which they are the same: an excitation's output times time is pressure

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.score import beside
+from rig.fitter.arrays import FloatArray
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.score import beside
 
 LEAST_DF = 4
 """Degrees of freedom of a correlation, at least."""

@@ -7,14 +7,14 @@ from itertools import permutations
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.constancy import ENDS, Change, change, products
-from fitter.trace.doubts import CHANGES, not_constant, one_that_changes
-from fitter.trace.exchange import stands_in
-from fitter.trace.flexible import Block, remainders, waves
-from procedures.pressure.effects.scene import PressureScene
-from procedures.pressure.trace.estimate import coefficients_of
-from procedures.pressure.trace.nameless import LOOKED_AT, Nameless, View
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.constancy import ENDS, Change, change, products
+from rig.fitter.trace.doubts import CHANGES, not_constant, one_that_changes
+from rig.fitter.trace.exchange import stands_in
+from rig.fitter.trace.flexible import Block, remainders, waves
+from rig.procedures.pressure.effects.scene import PressureScene
+from rig.procedures.pressure.trace.estimate import coefficients_of
+from rig.procedures.pressure.trace.nameless import LOOKED_AT, Nameless, View
 
 OF_PLOTS = ("with the transducer's temperature", "with the electronics' temperature", "along the run")
 """Variables of whole plots: a coefficient that changes with them looks like a sensitivity that each plot draws anew."""

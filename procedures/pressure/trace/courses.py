@@ -2,7 +2,7 @@
 
 Twenty whole plots are few numbers, and a memory of the cold, a tare taken too early or a supply that is refilled has
 no one column. Every transducer, and what all transducers have in common, is held against smooth shapes over the
-temperatures, over the run, and over the temperatures before (`fitter.trace.among_alike`), beside errors that may be
+temperatures, over the run, and over the temperatures before (`rig.fitter.trace.among_alike`), beside errors that may be
 like those of their neighbours.
 """
 
@@ -13,15 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.among_alike import Alike, Shape, Shapes
-from fitter.trace.chance import ALPHA
-from fitter.trace.flexible import waves
-from fitter.trace.found import Unnamed
-from procedures.pressure.effects.scene import PressureScene
-from procedures.pressure.trace.neighbours import PRIOR, RHO, neighbours
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.score import beside
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.among_alike import Alike, Shape, Shapes
+from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.flexible import waves
+from rig.fitter.trace.found import Unnamed
+from rig.procedures.pressure.effects.scene import PressureScene
+from rig.procedures.pressure.trace.neighbours import PRIOR, RHO, neighbours
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.score import beside
 
 LEVEL = 0.015
 """Of false alarms, over all transducers and places; a finding about the noise has the level of all of these."""

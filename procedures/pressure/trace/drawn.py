@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.doubts import DOUBT
-from fitter.trace.flexible import Block, turns, waves
-from fitter.trace.lines import Line, folded
-from fitter.trace.outcome import Instead
-from fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
-from procedures.pressure.effects.scene import PressureScene
-from procedures.pressure.trace.nameless import Left, Nameless
-from procedures.pressure.trace.places import Place
-from procedures.pressure.trace.strata import Level
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.doubts import DOUBT
+from rig.fitter.trace.flexible import Block, turns, waves
+from rig.fitter.trace.lines import Line, folded
+from rig.fitter.trace.outcome import Instead
+from rig.fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
+from rig.procedures.pressure.effects.scene import PressureScene
+from rig.procedures.pressure.trace.nameless import Left, Nameless
+from rig.procedures.pressure.trace.places import Place
+from rig.procedures.pressure.trace.strata import Level
 
 UNIT = "mV"
 PLACES = 3

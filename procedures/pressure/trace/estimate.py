@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.quantiles import t_limit
-from fitter.split_plot import SplitPlotDesign, SplitPlotFit
-from fitter.trace.keep import LeftIn, left_in, taken_out
-from procedures.pressure.trace.judge import WholePlotJudge
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.score import score
-from procedures.pressure.trace.strata import Level
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.quantiles import t_limit
+from rig.fitter.split_plot import SplitPlotDesign, SplitPlotFit
+from rig.fitter.trace.keep import LeftIn, left_in, taken_out
+from rig.procedures.pressure.trace.judge import WholePlotJudge
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.score import score
+from rig.procedures.pressure.trace.strata import Level
 
 
 @dataclass(frozen=True)

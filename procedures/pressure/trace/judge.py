@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray
-from fitter.trace.aliases import DELTA, PER_COLUMN, Products, Rival, rivals, simplest
-from fitter.trace.chance import ALPHA
-from fitter.trace.signs import SURE, Impossible
-from procedures.pressure.trace.null import Families
-from procedures.pressure.trace.problem import Candidate, Problem
-from procedures.pressure.trace.score import NOTHING_LEFT, Beside, Scores, beside, score
-from procedures.pressure.trace.strata import Level
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Products, Rival, rivals, simplest
+from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.signs import SURE, Impossible
+from rig.procedures.pressure.trace.null import Families
+from rig.procedures.pressure.trace.problem import Candidate, Problem
+from rig.procedures.pressure.trace.score import NOTHING_LEFT, Beside, Scores, beside, score
+from rig.procedures.pressure.trace.strata import Level
 
 TRIED = 3
 """Maximum number of candidates tried as one of two that mask each other: the remainder of one in whole plots increases
@@ -26,7 +26,7 @@ the other's standard error.
 
 @dataclass(frozen=True, eq=False)
 class WholePlotJudge:
-    """A `procedures.attitude.trace.search.Judge` of whole-plot runs."""
+    """A `rig.procedures.attitude.trace.search.Judge` of whole-plot runs."""
 
     problem: Problem
     family: Families

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from procedures.pressure.trace.estimate import coefficients_of, contributed
-from procedures.pressure.trace.problem import Problem
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.procedures.pressure.trace.estimate import coefficients_of, contributed
+from rig.procedures.pressure.trace.problem import Problem
 
 SEEMS = 0.05
 """Probability of such an autocorrelation by chance, below which readings are whitened by it."""

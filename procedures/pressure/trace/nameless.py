@@ -10,20 +10,20 @@ from functools import cached_property, partial
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.trace.doubts import BUNDLE, DOUBT, bundle, in_several, no_better, something_left
-from fitter.trace.doubts import beside as small_beside
-from fitter.trace.flexible import Remainder, evidence, remainders, tried
-from fitter.trace.found import Unnamed
-from fitter.trace.lines import Line, line
-from fitter.trace.search import names_of
-from procedures.pressure.effects.scene import TIMES_WARM, PressureScene
-from procedures.pressure.trace.neighbours import Neighbours, neighbours
-from procedures.pressure.trace.places import Place, places_of
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.score import CHANCE, SLOPES, TINY, beside
-from procedures.pressure.trace.strata import LEVELS, Level
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.doubts import BUNDLE, DOUBT, bundle, in_several, no_better, something_left
+from rig.fitter.trace.doubts import beside as small_beside
+from rig.fitter.trace.flexible import Remainder, evidence, remainders, tried
+from rig.fitter.trace.found import Unnamed
+from rig.fitter.trace.lines import Line, line
+from rig.fitter.trace.search import names_of
+from rig.procedures.pressure.effects.scene import TIMES_WARM, PressureScene
+from rig.procedures.pressure.trace.neighbours import Neighbours, neighbours
+from rig.procedures.pressure.trace.places import Place, places_of
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.score import CHANCE, SLOPES, TINY, beside
+from rig.procedures.pressure.trace.strata import LEVELS, Level
 
 EARNED = -1.0
 """Minimum lead in nats of names over the most probable shape without a name; negative if they may be behind.

@@ -15,9 +15,9 @@ from weakref import ReferenceType, WeakKeyDictionary, ref
 import numpy as np
 from scipy import linalg, special
 
-from fitter.arrays import FloatArray, IntArray
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.strata import Strata
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.strata import Strata
 
 RHO = np.array([0.0, 0.25, 0.5, 0.7, 0.85])
 """Tried correlations of neighbours."""

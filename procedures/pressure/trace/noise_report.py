@@ -6,17 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter.arrays import IntArray
-from fitter.effects.noise import AUTOCORRELATION, COMMON_ERROR, OUTLIERS
-from fitter.quantiles import t_limit
-from fitter.trace.chance import ALPHA, COUNTED
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects import GROWING_NOISE
-from procedures.pressure.trace.common import common_error
-from procedures.pressure.trace.estimate import Estimate, estimate
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.result import FoundPressureEffect
-from procedures.pressure.trace.settle import Look
+from rig.fitter.arrays import IntArray
+from rig.fitter.effects.noise import AUTOCORRELATION, COMMON_ERROR, OUTLIERS
+from rig.fitter.quantiles import t_limit
+from rig.fitter.trace.chance import ALPHA, COUNTED
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects import GROWING_NOISE
+from rig.procedures.pressure.trace.common import common_error
+from rig.procedures.pressure.trace.estimate import Estimate, estimate
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.result import FoundPressureEffect
+from rig.procedures.pressure.trace.settle import Look
 
 FROM_MIDDLE = "readings scatter more the further the pressure is from the middle of its range"
 STANDS_OUT_HERE = 0.05

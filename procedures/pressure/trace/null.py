@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
-from fitter.trace.chance import DRAWS, Family
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.score import NOTHING_LEFT, beside
-from procedures.pressure.trace.strata import LEVELS, Level
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.chance import DRAWS, Family
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.score import NOTHING_LEFT, beside
+from rig.procedures.pressure.trace.strata import LEVELS, Level
 
 _PER_T = 100
 _T = np.arange(40 * _PER_T + 1) / _PER_T

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.resolution import resolution, robust_sd
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.score import beside
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.resolution import resolution, robust_sd
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.score import beside
 
 BY_CHANCE = 1e-3
 """Probability that a reading of a clean run is named, for normal errors."""

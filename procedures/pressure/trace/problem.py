@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.split_plot import SplitPlotDesign
-from fitter.trace.not_kept import NotKept, overflows
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
-from procedures.pressure.trace.strata import LEVELS, Level, Strata
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.split_plot import SplitPlotDesign
+from rig.fitter.trace.not_kept import NotKept, overflows
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
+from rig.procedures.pressure.trace.strata import LEVELS, Level, Strata
 
 IS_THE_MODEL = 1e-3
 """Minimum remaining share of a column beside the declared model."""
@@ -275,7 +275,7 @@ def pose(
     """Prepare a run for the search.
 
     Raises:
-        fitter.linear.RankError: the observations do not determine the declared model.
+        rig.fitter.linear.RankError: the observations do not determine the declared model.
         FitError: they do not determine its errors.
 
     """

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from fitter.trace.doubts import shown_by_another, under_another_name
-from procedures.pressure.trace.nameless import Nameless
-from procedures.pressure.trace.strata import LEVELS
+from rig.fitter.trace.doubts import shown_by_another, under_another_name
+from rig.procedures.pressure.trace.nameless import Nameless
+from rig.procedures.pressure.trace.strata import LEVELS
 
 UNEXPLAINED = 1e-3
 """Probability of a remainder, over all that is tried, below which it is said."""

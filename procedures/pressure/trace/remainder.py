@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.sums_of_squares import FTest
-from fitter.trace.found import Unnamed
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.score import beside
-from procedures.pressure.trace.strata import Level
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.sums_of_squares import FTest
+from rig.fitter.trace.found import Unnamed
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.score import beside
+from rig.procedures.pressure.trace.strata import Level
 
 SAME_TEMPERATURE_DEGC = 2.0
 """Whole plots with closer temperatures are repeats: chambers are accurate to a degree, steps of designs are many

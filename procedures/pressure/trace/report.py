@@ -9,30 +9,30 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.special import chdtrc
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.effects.entry import Entry
-from fitter.formula import Formula
-from fitter.linear import orthonormal
-from fitter.trace.aliases import Rival, separation
-from fitter.trace.doubts import MANY, another_law, by_chance, error_rises, one_apart, several_causes, something_left
-from fitter.trace.found import Unnamed, verdict
-from fitter.trace.lines import CLEAR
-from fitter.trace.not_kept import NotKept, for_others, left_to_whole_plots
-from fitter.trace.shares import of_rest, shares, unnamed_part
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
-from procedures.pressure.effects.separation import separate_pressure
-from procedures.pressure.trace.agreement import classes
-from procedures.pressure.trace.constant import Constant
-from procedures.pressure.trace.courses import Course, courses
-from procedures.pressure.trace.drawn import drawn, drawn_instead, drawn_period
-from procedures.pressure.trace.estimate import Estimate, error_of, residual_of
-from procedures.pressure.trace.judge import WholePlotJudge
-from procedures.pressure.trace.nameless import Nameless
-from procedures.pressure.trace.noise_report import noise_findings
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.reasons import UNEXPLAINED, of_alias, of_another
-from procedures.pressure.trace.remainder import (
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.effects.entry import Entry
+from rig.fitter.formula import Formula
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.aliases import Rival, separation
+from rig.fitter.trace.doubts import MANY, another_law, by_chance, error_rises, one_apart, several_causes, something_left
+from rig.fitter.trace.found import Unnamed, verdict
+from rig.fitter.trace.lines import CLEAR
+from rig.fitter.trace.not_kept import NotKept, for_others, left_to_whole_plots
+from rig.fitter.trace.shares import of_rest, shares, unnamed_part
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
+from rig.procedures.pressure.effects.separation import separate_pressure
+from rig.procedures.pressure.trace.agreement import classes
+from rig.procedures.pressure.trace.constant import Constant
+from rig.procedures.pressure.trace.courses import Course, courses
+from rig.procedures.pressure.trace.drawn import drawn, drawn_instead, drawn_period
+from rig.procedures.pressure.trace.estimate import Estimate, error_of, residual_of
+from rig.procedures.pressure.trace.judge import WholePlotJudge
+from rig.procedures.pressure.trace.nameless import Nameless
+from rig.procedures.pressure.trace.noise_report import noise_findings
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.reasons import UNEXPLAINED, of_alias, of_another
+from rig.procedures.pressure.trace.remainder import (
     lack_of_fit,
     reading_error_pct,
     repeated_readings,
@@ -40,11 +40,11 @@ from procedures.pressure.trace.remainder import (
     strongest_pressure,
     strongest_whole_plot,
 )
-from procedures.pressure.trace.result import FoundPressureEffect, Side, TransducerTrace
-from procedures.pressure.trace.settle import Look
-from procedures.pressure.trace.smooth import smoothest
-from procedures.pressure.trace.some_plots import in_some_plots
-from procedures.pressure.trace.strata import Level
+from rig.procedures.pressure.trace.result import FoundPressureEffect, Side, TransducerTrace
+from rig.procedures.pressure.trace.settle import Look
+from rig.procedures.pressure.trace.smooth import smoothest
+from rig.procedures.pressure.trace.some_plots import in_some_plots
+from rig.procedures.pressure.trace.strata import Level
 
 DIFFERENT = 0.01
 """Coefficients of all transducers that agree with more than this probability are called equal."""

@@ -7,18 +7,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
-from fitter.formula import Formula
-from fitter.json_values import JsonValue
-from fitter.split_plot import SplitPlotFit
-from fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
-from fitter.trace.growing_noise import Noise
-from fitter.trace.outcome import OF_REPLICATIONS, Instead, Outcome, Parameter, Row, WithError, absent, run_json
-from fitter.trace.signs import Refused
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects.scene import PressureScene
-from procedures.pressure.trace.problem import Candidate, raw_columns
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
+from rig.fitter.formula import Formula
+from rig.fitter.json_values import JsonValue
+from rig.fitter.split_plot import SplitPlotFit
+from rig.fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
+from rig.fitter.trace.growing_noise import Noise
+from rig.fitter.trace.outcome import OF_REPLICATIONS, Instead, Outcome, Parameter, Row, WithError, absent, run_json
+from rig.fitter.trace.signs import Refused
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects.scene import PressureScene
+from rig.procedures.pressure.trace.problem import Candidate, raw_columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class FoundPressureEffect(Found):
     """An effect in one transducer.
 
     Attributes:
-        formulas: its terms in the notation of `fitter.formula`, for a declaration; empty if they have no such form.
+        formulas: its terms in the notation of `rig.fitter.formula`, for a declaration; empty if they have no such form.
         df: degrees of freedom of the coefficients' standard errors, those of the stratum.
         half_width_95: of the coefficients' 95 % intervals.
         contribution_mV: (n,) its contribution to the output of each reading; zero for a finding about noise.

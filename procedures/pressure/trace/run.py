@@ -7,24 +7,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.split_plot import SplitPlotDesign
-from fitter.trace.found import explanations_of
-from fitter.trace.refusals import refusals
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.effects import PRESSURE_CATALOGUE
-from procedures.pressure.effects.scene import PressureEffect, PressureScene
-from procedures.pressure.fit import HIERARCHICAL, named_formula
-from procedures.pressure.fit.models import check_determined
-from procedures.pressure.trace.agreement import named
-from procedures.pressure.trace.estimate import coefficients_of, contributed, estimate, never_above
-from procedures.pressure.trace.judge import WholePlotJudge
-from procedures.pressure.trace.null import Families
-from procedures.pressure.trace.problem import Problem, pose
-from procedures.pressure.trace.report import Finding, transducer
-from procedures.pressure.trace.result import WholePlotTrace
-from procedures.pressure.trace.settle import settle
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.split_plot import SplitPlotDesign
+from rig.fitter.trace.found import explanations_of
+from rig.fitter.trace.refusals import refusals
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
+from rig.procedures.pressure.effects.scene import PressureEffect, PressureScene
+from rig.procedures.pressure.fit import HIERARCHICAL, named_formula
+from rig.procedures.pressure.fit.models import check_determined
+from rig.procedures.pressure.trace.agreement import named
+from rig.procedures.pressure.trace.estimate import coefficients_of, contributed, estimate, never_above
+from rig.procedures.pressure.trace.judge import WholePlotJudge
+from rig.procedures.pressure.trace.null import Families
+from rig.procedures.pressure.trace.problem import Problem, pose
+from rig.procedures.pressure.trace.report import Finding, transducer
+from rig.procedures.pressure.trace.result import WholePlotTrace
+from rig.procedures.pressure.trace.settle import settle
 
 SEED = 20260115
 FOLDS = 24
@@ -43,15 +43,15 @@ def trace_whole_plots(
 
     Args:
         data: a whole-plot run; any number of transducers on one line, judged together.
-        model: a name of `procedures.pressure.fit.models`, or a formula; "hierarchical" is the full model, because a
+        model: a name of `rig.procedures.pressure.fit.models`, or a formula; "hierarchical" is the full model, because a
             search could only restore its terms.
         catalogue: effects to search.
         seed: of the simulated null; the same data and seed give the same result.
         validate: repeat the search without each whole plot for the left-out error, which takes most of the time.
 
     Raises:
-        fitter.linear.RankError: the observations do not determine the declared model.
-        fitter.formula.FormulaError: the model is neither a name nor a formula.
+        rig.fitter.linear.RankError: the observations do not determine the declared model.
+        rig.fitter.formula.FormulaError: the model is neither a name nor a formula.
         FitError: the observations do not determine the model's errors; the message has the reason.
     """
     formula = named_formula(model)

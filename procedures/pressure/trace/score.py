@@ -24,12 +24,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.trace.whitened import Whitened
-from procedures.pressure.trace.neighbours import neighbours
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.strata import LEVELS, Level
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.whitened import Whitened
+from rig.procedures.pressure.trace.neighbours import neighbours
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.strata import LEVELS, Level
 
 NOTHING_LEFT = 0.02
 """Minimum remaining share of a candidate beside the others in its stratum: above the scatter of temperature readbacks

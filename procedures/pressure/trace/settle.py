@@ -11,19 +11,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.trace.growing_noise import Noise
-from fitter.trace.keep import kept
-from fitter.trace.not_kept import NotKept
-from fitter.trace.search import prune
-from procedures.pressure.trace.agreement import named
-from procedures.pressure.trace.estimate import error_of, estimate
-from procedures.pressure.trace.judge import WholePlotJudge
-from procedures.pressure.trace.memory import SEEMS, Memory, memories
-from procedures.pressure.trace.null import Families, family_of
-from procedures.pressure.trace.outliers import Outliers, outliers
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.weights import noises, stands_out, weighted, weights_of
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.growing_noise import Noise
+from rig.fitter.trace.keep import kept
+from rig.fitter.trace.not_kept import NotKept
+from rig.fitter.trace.search import prune
+from rig.procedures.pressure.trace.agreement import named
+from rig.procedures.pressure.trace.estimate import error_of, estimate
+from rig.procedures.pressure.trace.judge import WholePlotJudge
+from rig.procedures.pressure.trace.memory import SEEMS, Memory, memories
+from rig.procedures.pressure.trace.null import Families, family_of
+from rig.procedures.pressure.trace.outliers import Outliers, outliers
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.weights import noises, stands_out, weighted, weights_of
 
 ROUNDS = 3
 SAME = 0.05

@@ -7,15 +7,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
-from fitter.quantiles import f_tail
-from fitter.trace.found import Unnamed
-from procedures.pressure.data import WholePlotData
-from procedures.pressure.trace.neighbours import neighbours
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.score import beside
-from procedures.pressure.trace.strata import Level
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.quantiles import f_tail
+from rig.fitter.trace.found import Unnamed
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.trace.neighbours import neighbours
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.score import beside
+from rig.procedures.pressure.trace.strata import Level
 
 HIGHEST = 6
 """Maximum order of the tried polynomials."""

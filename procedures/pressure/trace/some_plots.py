@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from fitter.arrays import FloatArray
-from fitter.linear import orthonormal
-from fitter.trace.found import Unnamed
-from procedures.pressure.effects.scene import PressureScene
-from procedures.pressure.trace.nameless import Nameless
+from rig.fitter.arrays import FloatArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.found import Unnamed
+from rig.procedures.pressure.effects.scene import PressureScene
+from rig.procedures.pressure.trace.nameless import Nameless
 
 LEAST_DF = 3
 """Degrees of freedom beside the shape in a whole plot that is asked, at least."""

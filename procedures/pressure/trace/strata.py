@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr as pivoted_qr
 
-from fitter.arrays import FloatArray, IntArray
-from fitter.linear import orthonormal
-from fitter.sums_of_squares import off
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.linear import orthonormal
+from rig.fitter.sums_of_squares import off
 
 Level = Literal["subplot", "whole-plot"]
 LEVELS: tuple[Level, ...] = ("whole-plot", "subplot")

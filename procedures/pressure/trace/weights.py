@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.trace.chance import ALPHA, COUNTED
-from fitter.trace.growing_noise import Noise, noise_of
-from procedures.pressure.trace.problem import Problem
-from procedures.pressure.trace.score import beside
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.chance import ALPHA, COUNTED
+from rig.fitter.trace.growing_noise import Noise, noise_of
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.score import beside
 
 REWEIGHTED = 3
 """Number of iterations between weights and noise."""

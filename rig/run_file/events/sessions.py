@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from procedures.by_hand import HandStep
+from rig.procedures.plan.by_hand import HandStep
 from rig.run_file.bodies import Count, MaybeText, Seconds, Steps, Text, Texts, Truth, Whole, Words
 from rig.run_file.events.event import (
     DECISION,

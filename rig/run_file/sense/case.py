@@ -7,21 +7,21 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, cast
 
-from drivers.roles import ByHand
-from procedures.column_names import unit_of
-from procedures.conduct import Conduct, EnvironmentSettings, SoakSettings
-from procedures.kind import Procedure
-from procedures.run_list import Factor, RunList
-from rig.config import BenchConfig, parse_bench, parse_procedure
+from rig.bench.config import BenchConfig, parse_bench, parse_procedure
+from rig.bench.plugins import driver_class
+from rig.bench.quantities import TEMPERATURE_UNIT
+from rig.bench.typed import TypedColumn, typed_columns
+from rig.drivers.roles import ByHand
 from rig.errors import ConfigurationError
-from rig.plugins import driver_class
-from rig.quantities import TEMPERATURE_UNIT
+from rig.procedures.column_names import unit_of
+from rig.procedures.kind import Procedure
+from rig.procedures.plan.conduct import Conduct, EnvironmentSettings, SoakSettings
+from rig.procedures.plan.run_list import Factor, RunList
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import ClockSet, NotNotified, RunCreated
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState
-from rig.typed import TypedColumn, typed_columns
 
 NOTED = (NotNotified, ClockSet)
 """Events that may be written between two records that otherwise are consecutive."""

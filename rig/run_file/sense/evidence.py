@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from procedures.fault_policies import ACCEPT, step_at
-from procedures.run_list import Factor, Settle
+from rig.procedures.plan.fault_policies import ACCEPT, step_at
+from rig.procedures.plan.run_list import Factor, Settle
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Prepared, Recovered, Warned
 from rig.run_file.events.event import Event

@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping
 from datetime import date
 from typing import Any
 
-from rig.config import InstrumentConfig
+from rig.bench.config import InstrumentConfig
+from rig.bench.plugins import driver_class
+from rig.bench.quantities import per_volt
 from rig.errors import ConfigurationError
-from rig.plugins import driver_class
-from rig.quantities import per_volt
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import AsFound, Homed, MadeSafe, ReadBack
 from rig.run_file.events.event import Event

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from math import inf
 from typing import Any
 
-from procedures.column_names import spelled, unit_of
-from procedures.conduct import EnvironmentSettings, SoakSettings
-from procedures.run_list import Factor, Point
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.plan.conduct import EnvironmentSettings, SoakSettings
+from rig.procedures.plan.run_list import Factor, Point
 from rig.run_file.bodies import Arrivals
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import EnvironmentSettled

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from procedures.file_rows import rows_in_words
-from procedures.table import Table
 from rig.errors import UsageError
+from rig.procedures.tables.file_rows import rows_in_words
+from rig.procedures.tables.table import Table
 from rig.tables.of_others.asked import Asked
 from rig.tables.of_others.encoding import text_of
 from rig.tables.of_others.footers import footers, labelled_rows

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
 from rig.errors import UsageError
+from rig.fitter.arrays import FloatArray
 from rig.tables.of_others.layout import is_value
 from rig.tables.of_others.numbers import Notation, is_missing, looks_like_number
 

@@ -9,9 +9,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from procedures.clock import stamp_of
 from rig.errors import UsageError
+from rig.fitter.arrays import FloatArray
+from rig.procedures.tables.dates import stamp_of
 from rig.tables.of_others.units import is_unit
 
 MISSING = frozenset(("", "na", "n/a", "#n/a", "#nv", "nan", "null", "-", "--", "---", "\u2013", "\u2014"))

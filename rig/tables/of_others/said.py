@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from procedures.clock import Stamp, form_of, stamp_of
-from procedures.file_rows import rows_in_words
+from rig.procedures.tables.dates import Stamp, form_of, stamp_of
+from rig.procedures.tables.file_rows import rows_in_words
 from rig.tables.of_others.layout import NO_SEPARATOR
 from rig.tables.of_others.numbers import is_missing, with_unit
 

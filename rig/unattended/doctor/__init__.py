@@ -10,17 +10,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from drivers.clock import RealClock
-from procedures.durations import duration
-from rig.bench_file import check_options
-from rig.config import BenchConfig, parse_toml, read_text
-from rig.contract_files import read_bench
+from rig.bench.bench_file import check_options
+from rig.bench.config import BenchConfig, parse_toml, read_text
+from rig.bench.contract_files import read_bench
+from rig.drivers.clock import RealClock
 from rig.errors import RigError, UsageError
-from rig.plans import Plan, load_plan, plan_of
+from rig.procedures.present.durations import duration
 from rig.register import parse_register, register_beside
 from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, read_state
+from rig.runs.plans import Plan, load_plan, plan_of
 from rig.unattended.doctor.disk import check_disk
 from rig.unattended.doctor.findings import Finding, Level, ok, problem
 from rig.unattended.doctor.instruments import check_due, check_guards, check_instruments, check_stated, check_twins
@@ -150,7 +150,7 @@ def _read_files(visit: Visit, patient: _Patient) -> Iterator[Finding]:
 
 def _forecast(patient: _Patient, now_s: float) -> Iterator[Finding]:
     """Expected duration, by a rehearsal on twins; completed points are subtracted in proportion."""
-    from rig.forecast import rehearse  # noqa: PLC0415
+    from rig.runs.forecast import rehearse  # noqa: PLC0415
 
     assert patient.plan is not None
     forecast = rehearse(patient.plan, lambda _: None, points=_REHEARSED)

@@ -12,10 +12,10 @@ from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
-from drivers.errors import WrongAddress
-from drivers.wires.addresses import CanAddress, parse_address
-from drivers.wires.visa_address import VisaAddress
-from rig.config import InstrumentConfig
+from rig.bench.config import InstrumentConfig
+from rig.drivers.errors import WrongAddress
+from rig.drivers.wires.addresses import CanAddress, parse_address
+from rig.drivers.wires.visa_address import VisaAddress
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 
 _RAW_NAME = re.compile(r"/dev/tty(USB|ACM)\d+$")

@@ -11,8 +11,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from drivers.clock import RealClock
-from rig.disk_space import largest_file_bytes, needed_bytes
+from rig.drivers.clock import RealClock
+from rig.files.disk_space import largest_file_bytes, needed_bytes
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 
 _NETWORK = {

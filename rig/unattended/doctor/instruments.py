@@ -10,16 +10,16 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
-from drivers.clock import Clock, RealClock, ScaledClock
-from drivers.errors import DriverError
-from drivers.roles import Identity, Instrument, Remarking
-from drivers.wires import Wires
-from procedures.shell import shell_word
-from rig.bench_file import NO_QUESTION, cannot_be_asked, check_options, unasked
-from rig.config import BenchConfig, InstrumentConfig, due_dates
+from rig.bench.bench_file import NO_QUESTION, cannot_be_asked, check_options, unasked
+from rig.bench.config import BenchConfig, InstrumentConfig, due_dates
+from rig.bench.plugins import driver_class
+from rig.drivers.clock import Clock, RealClock, ScaledClock
+from rig.drivers.errors import DriverError
+from rig.drivers.roles import Identity, Instrument, Remarking
+from rig.drivers.wires import Wires
 from rig.errors import BusyError
-from rig.locks import locked_addresses
-from rig.plugins import driver_class
+from rig.instruments.locks import locked_addresses
+from rig.procedures.present.shell import shell_word
 from rig.register import Register, stated_of
 from rig.unattended.doctor.addresses import check_addresses
 from rig.unattended.doctor.findings import Finding, ok, problem, warning

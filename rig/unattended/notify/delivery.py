@@ -16,7 +16,7 @@ import threading
 import urllib.error
 from collections.abc import Callable, Iterable
 
-from drivers.clock import RealClock
+from rig.drivers.clock import RealClock
 from rig.unattended.happenings import one_line
 
 _LONGEST = 300

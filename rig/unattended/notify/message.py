@@ -6,10 +6,10 @@ import platform
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from procedures.column_names import spelled
-from procedures.durations import duration
-from procedures.shell import shell_word
 from rig.engine.session import Progress
+from rig.procedures.column_names import spelled
+from rig.procedures.present.durations import duration
+from rig.procedures.present.shell import shell_word
 from rig.run_file.events.by_hand import AskedByHand, AskedToRead, AskedToSet
 from rig.run_file.live import done_command
 from rig.unattended.happenings import Happening, Kind, RunFacts, one_line

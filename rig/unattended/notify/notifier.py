@@ -10,7 +10,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from drivers.clock import Clock, RealClock
+from rig.drivers.clock import Clock, RealClock
 from rig.engine.session import Progress
 from rig.unattended.happenings import Happening, Kind, RunFacts
 from rig.unattended.notify.channels import Send

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from rig.config import parse_toml, read_text, validated
+from rig.bench.config import parse_toml, read_text, validated
 from rig.errors import ConfigurationError
 from rig.unattended.happenings import Kind
 from rig.unattended.notify.message import PLACEHOLDERS

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from serial import PortNotOpenError, SerialBase, SerialException
 
-from sims.wires.serial_line import SerialCable, find
-from sims.wires.tampering import UNTOUCHED, Tampering
+from rig.sims.wires.serial_line import SerialCable, find
+from rig.sims.wires.tampering import UNTOUCHED, Tampering
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer

@@ -9,18 +9,18 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from drivers.clock import Clock
-from drivers.driver import ContractFile, Medium
-from drivers.errors import InstrumentError
-from drivers.numbers import whole
-from drivers.scpi import Dialect, ScpiMeter
-from drivers.wires import SerialOptions, SerialSettings, Wires
+from rig.drivers.clock import Clock
+from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.errors import InstrumentError
+from rig.drivers.numbers import whole
+from rig.drivers.scpi import Dialect, ScpiMeter
+from rig.drivers.wires import SerialOptions, SerialSettings, Wires
 
 _DIALECT = Dialect(start="SAMP:COUN {count};:INIT", reading=re.compile(r"[+-]\d\.\d{8}E[+-]\d\d", re.ASCII))
 
 
 class AcmeM7(ScpiMeter):
-    """The meter; satisfies `drivers.roles.Reader`."""
+    """The meter; satisfies `rig.drivers.roles.Reader`."""
 
     wire: ClassVar[Medium] = "serial"
     contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("conditions", "acme_rig", "m7_conditions.toml"),)

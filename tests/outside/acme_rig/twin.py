@@ -7,14 +7,14 @@ from collections.abc import Callable, Mapping
 from math import isfinite
 from typing import Any, ClassVar
 
-from sims.faults import Kind, Option, Striking
-from sims.faults.instrument_faults import ERROR_QUEUE
-from sims.faults.reading_faults import OF_READINGS
-from sims.inputs import Inputs
-from sims.twin import Accuracy, Role
-from sims.twins.scpi import COMMON, ScpiTwin, Wait
-from sims.twins.scpi_syntax import Command, ScpiError, compiled, number
-from sims.world import World
+from rig.sims.faults import Kind, Option, Striking
+from rig.sims.faults.instrument_faults import ERROR_QUEUE
+from rig.sims.faults.reading_faults import OF_READINGS
+from rig.sims.inputs import Inputs
+from rig.sims.twin import Accuracy, Role
+from rig.sims.twins.scpi import COMMON, ScpiTwin, Wait
+from rig.sims.twins.scpi_syntax import Command, ScpiError, compiled, number
+from rig.sims.world import World
 
 _INPUTS = ("A", "B", "C", "T")
 _OVERLOAD, _FULL_V = 9.9e37, 12.0

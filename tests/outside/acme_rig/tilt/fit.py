@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.linear import LinearFit, least_squares
-from fitter.quantiles import t_limit
-from procedures.acceptance import Verdict
-from procedures.blocks import Block, Grid, headline
-from procedures.errors import DataError
-from procedures.inference import Inference, empty_rows
-from procedures.results import Page
-from procedures.table import Reader, Table
-from procedures.unused import Unused, unused_in_fit
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.linear import LinearFit, least_squares
+from rig.fitter.quantiles import t_limit
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.acceptance import Verdict
+from rig.procedures.evaluate.inference import Inference, empty_rows
+from rig.procedures.evaluate.results import Page
+from rig.procedures.present.blocks import Block, Grid, headline
+from rig.procedures.tables.table import Reader, Table
+from rig.procedures.tables.unused import Unused, unused_in_fit
 
 NEEDED = ("replicate", "order", "elapsed_s", "pitch_deg", "pitch_side")
 UNIT = "V"
@@ -109,7 +109,7 @@ class Line:
 
 @dataclass(frozen=True)
 class TiltFitted:
-    """Every sensor of a table. See `procedures.results.Fitted`."""
+    """Every sensor of a table. See `rig.procedures.evaluate.results.Fitted`."""
 
     table: Table
     kind: str

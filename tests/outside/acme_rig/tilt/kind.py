@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from acme_rig.tilt.settings import TiltProcedure
-from fitter.arrays import FloatArray
-from fitter.effects.entry import Entry
-from procedures.acceptance import Verdict
-from procedures.errors import DataError
-from procedures.expected import Columns
-from procedures.inference import Inference
-from procedures.kind import Kind
-from procedures.results import Fitted, Options, Source, Traced
-from procedures.table import Reader, Table
-from procedures.unused import Unused
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Entry
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.acceptance import Verdict
+from rig.procedures.evaluate.inference import Inference
+from rig.procedures.evaluate.results import Fitted, Options, Source, Traced
+from rig.procedures.kind import Kind
+from rig.procedures.plan.expected import Columns
+from rig.procedures.tables.table import Reader, Table
+from rig.procedures.tables.unused import Unused
 
 if TYPE_CHECKING:
     from acme_rig.tilt.fit import Line
@@ -31,7 +31,7 @@ class TiltOptions(Options):
 
 
 class TiltKind(Kind):
-    """A level sensor on the pitch axis. See `procedures.kind.Kind`."""
+    """A level sensor on the pitch axis. See `rig.procedures.kind.Kind`."""
 
     name = "acme-tilt"
     title = "level sensors"

@@ -8,10 +8,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from procedures.conduct import Conduct
-from procedures.fault_policies import HeadFaults
-from procedures.run_list import Factor, Point, RunList, Settle
-from procedures.settings import Acceptance, Name, Positive, Strict, WarningSettings
+from rig.procedures.plan.conduct import Conduct
+from rig.procedures.plan.fault_policies import HeadFaults
+from rig.procedures.plan.run_list import Factor, Point, RunList, Settle
+from rig.procedures.plan.settings import Acceptance, Name, Positive, Strict, WarningSettings
 
 
 class TiltDesign(Strict):

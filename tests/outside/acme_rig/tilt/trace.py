@@ -10,22 +10,22 @@ from typing import Any
 import numpy as np
 
 from acme_rig.tilt.fit import TERMS, UNIT, about, columns, outputs, unused
-from fitter.arrays import FloatArray
-from fitter.errors import FitError
-from fitter.linear import LinearFit, least_squares, orthonormal
-from fitter.quantiles import t_limit, t_tail
-from fitter.trace.chance import ALPHA, DRAWS, Family
-from fitter.trace.found import verdict
-from fitter.trace.outcome import Finding, Outcome, Parameter, Row, WithError, run_json
-from fitter.trace.search import search
-from fitter.trace.shares import shares
-from procedures.blocks import Block, Line, headline
-from procedures.certificate import Change, Errors, certified, with_words
-from procedures.effects_report import effects_part
-from procedures.effects_shown import show_certificate, show_effect
-from procedures.errors import DataError
-from procedures.results import Page
-from procedures.table import Table
+from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
+from rig.fitter.linear import LinearFit, least_squares, orthonormal
+from rig.fitter.quantiles import t_limit, t_tail
+from rig.fitter.trace.chance import ALPHA, DRAWS, Family
+from rig.fitter.trace.found import verdict
+from rig.fitter.trace.outcome import Finding, Outcome, Parameter, Row, WithError, run_json
+from rig.fitter.trace.search import search
+from rig.fitter.trace.shares import shares
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.certificate import Change, Errors, certified, with_words
+from rig.procedures.evaluate.results import Page
+from rig.procedures.present.blocks import Block, Line, headline
+from rig.procedures.present.effects_report import effects_part
+from rig.procedures.present.effects_shown import show_certificate, show_effect
+from rig.procedures.tables.table import Table
 
 _SEED = 20260115
 
@@ -49,7 +49,7 @@ EFFECTS = (
 
 @dataclass(frozen=True, eq=False)
 class TiltJudge:
-    """One sensor's candidates. See `fitter.trace.search.Searched`.
+    """One sensor's candidates. See `rig.fitter.trace.search.Searched`.
 
     Attributes:
         declared: (n, 2) columns of the declared model.
@@ -134,7 +134,7 @@ def _finding(name: str, judge: TiltJudge, chosen: tuple[int, ...], j: int, share
 
 @dataclass(frozen=True)
 class TiltTraced:
-    """A table and what was traced in it. See `procedures.results.Traced`."""
+    """A table and what was traced in it. See `rig.procedures.evaluate.results.Traced`."""
 
     table: Table
     kind: str

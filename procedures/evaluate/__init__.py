@@ -1,0 +1,1 @@
+"""Common parts of every kind's fit, trace, inference, chart, confirmation, budget and certificate."""

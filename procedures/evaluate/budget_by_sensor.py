@@ -1,0 +1,103 @@
+"""Results of sensors that are calibrated one by one, each by its own fit: what budgets of such kinds have in common."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from rig.fitter.arrays import FloatArray
+from rig.fitter.budget import TypeA
+from rig.fitter.errors import FitError
+from rig.procedures.evaluate.budgeting import SCATTER, Evaluation, Results, Shift, no_error, together
+from rig.procedures.evaluate.reversibility import line_of
+
+
+class Calibrated(Protocol):
+    """One sensor of a run, with its calibration."""
+
+    @property
+    def name(self) -> str:
+        """Its output's column."""
+
+    @property
+    def fitted(self) -> FloatArray:
+        """(k,) coefficients of its calibration."""
+
+    @property
+    def readings(self) -> FloatArray:
+        """(p,) outputs at the points; none if the points are not given for its model."""
+
+    @property
+    def places(self) -> Sequence[Mapping[str, float]]:
+        """Settings at each of the (p,) points."""
+
+    def values(self, coefficients: FloatArray, readings: FloatArray) -> FloatArray:
+        """Its results: coefficients, outputs, and inferred values of (p,) readings."""
+
+    def named(self) -> Iterator[tuple[str, str]]:
+        """Name and unit of every result."""
+
+    def scatter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(m, m) covariance of its results; (m,) degrees of freedom; (m,) variances by the fit alone."""
+
+    @property
+    def reversibility(self) -> FloatArray | None:
+        """(m,) its results of rising series less those of falling ones; None if they do not differ."""
+
+
+class EvaluationBySensor(Evaluation):
+    """All sensors of a run, each by its own fit."""
+
+    @property
+    @abstractmethod
+    def each(self) -> Sequence[Calibrated]:
+        """The sensors, in the order of the results."""
+
+    def reversibility(self) -> Iterator[TypeA]:
+        """See `Evaluation`."""
+        ends = np.cumsum([len(list(one.named())) for one in self.each])
+        for one, end in zip(self.each, ends.tolist(), strict=True):
+            if (differs := one.reversibility) is not None:
+                yield line_of(one.name, np.pad(differs, (end - len(differs), ends[-1] - end)))
+
+    def inferred(self, output: str, readings: FloatArray) -> FloatArray:
+        """(p,) inferred values of readings of one output at the points."""
+        one = next(one for one in self.each if one.name == output)
+        return one.values(one.fitted, readings)[-len(readings) :]
+
+    def evaluate(self, shift: Shift) -> FloatArray:
+        """See `Evaluation`."""
+        coefficients = self.coefficients(shift.columns)
+        found = []
+        for one in self.each:
+            readings = one.readings
+            if len(readings) and shift.in_use is not no_error:
+                readings = readings + shift.in_use(one.name, readings)
+            found.append(one.values(coefficients[one.name], readings))
+        return np.concatenate(found)
+
+    @cached_property
+    def results(self) -> Results:
+        """See `Evaluation`. Raises `FitError` if a result is not determined at its point."""
+        named = [(name, unit, one.name) for one in self.each for name, unit in one.named()]
+        values = self.evaluate(Shift())
+        if not np.isfinite(values).all():
+            lost = named[int(np.flatnonzero(~np.isfinite(values))[0])][0]
+            raise FitError(f"{lost}: it is not determined there; choose another point with --at")
+        names, units, sensors = zip(*named, strict=True)
+        parts = [one.scatter() for one in self.each]
+        type_a = TypeA(together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), *SCATTER)
+        at = [place for one in self.each for place in _places(one)]
+        return Results(names, units, values, type_a, sensors, np.concatenate([p[2] for p in parts]), tuple(at))
+
+
+def _places(one: Calibrated) -> Iterator[Mapping[str, float]]:
+    """Settings of each of its results: none of coefficients, then those of the points, for every sort of result."""
+    k, every = len(one.fitted), len(list(one.named()))
+    yield from ({} for _ in range(k))
+    if one.places:
+        yield from (place for _ in range((every - k) // len(one.places)) for place in one.places)

@@ -1,0 +1,1 @@
+"""Tables of observations, as every kind reads them: columns, rows, dates, what is not used."""

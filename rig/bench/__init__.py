@@ -1,0 +1,1 @@
+"""The bench as its file declares it: instruments, limits, sensors; checked against their drivers, nothing opened."""

@@ -1,0 +1,67 @@
+"""Contract files (EDS, register maps) passed to both sides of a wire.
+
+A driver declares the files it needs (`rig.drivers.driver.ContractFile`). Drivers and twins must not import one another
+nor the contracts. The controller reads the file once and passes the same text to both. A bench file may name another
+file (`eds = "drive.eds"`, beside the bench file): its text is read with the bench file and stored in the run file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from rig.bench.config import BenchConfig, parse_bench, read_text
+from rig.bench.plugins import driver_class, installed
+from rig.errors import ConfigurationError
+
+
+@cache
+def _text(package: str, name: str) -> str:
+    return files(package).joinpath(name).read_text(encoding="utf-8")
+
+
+def with_contracts(driver: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options with the driver's contract files filled in, unless the bench file gives its own."""
+    own = {one.option: _text(one.package, one.file) for one in driver_class(driver).contracts}
+    return {**own, **options}
+
+
+def read_bench(path: Path) -> tuple[BenchConfig, dict[str, str]]:
+    """A bench file with its contract files read, and their texts by name. Raises `ConfigurationError`."""
+    config = parse_bench(read_text(path, "bench"), str(path))
+    texts = files_beside(config, path)
+    return with_files(config, texts, str(path)), texts
+
+
+def files_beside(config: BenchConfig, bench: Path) -> dict[str, str]:
+    """The texts of the contract files named by a bench, by name. Raises `ConfigurationError` for a missing file."""
+    return {
+        name: read_text(bench.parent / name, f"{option} (instruments.{instrument})")
+        for instrument, option, name in _named(config)
+    }
+
+
+def with_files(config: BenchConfig, texts: Mapping[str, str], where: str) -> BenchConfig:
+    """The bench with texts in place of names of contract files. Raises `ConfigurationError` for a missing one."""
+    instruments = dict(config.instruments)
+    for instrument, option, name in _named(config):
+        if name not in texts:
+            raise ConfigurationError(f"{where}: instruments.{instrument}.{option} = {name!r} does not exist")
+        instruments[instrument] = instruments[instrument].model_copy(update={option: texts[name]})
+    return config.model_copy(update={"instruments": instruments})
+
+
+def _named(config: BenchConfig) -> list[tuple[str, str, str]]:
+    """(instrument, option, file name) of every contract given by a name: a single line is a name."""
+    found = []
+    for name, instrument in config.instruments.items():
+        if instrument.driver not in installed("rig.drivers"):
+            continue  # `rig.bench.bench_file.check_options` reports it with its place
+        for contract in driver_class(instrument.driver).contracts:
+            text = instrument.options.get(contract.option)
+            if isinstance(text, str) and text.strip() and "\n" not in text:
+                found.append((name, contract.option, text))
+    return found

@@ -1,0 +1,273 @@
+"""Opening a bench: drivers, roles, locks of addresses."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from rig.bench.bench_file import of_reading
+from rig.bench.plugins import driver_class
+from rig.bench.quantities import PER, TEMPERATURE_UNIT, VOLT, per_volt, scale
+from rig.drivers.errors import BadReply, DriverError, NoReply, Unreachable
+from rig.drivers.roles import (
+    ByHand,
+    Chamber,
+    Head,
+    Identity,
+    Instrument,
+    Reader,
+    Source,
+    WithUnits,
+    plays,
+)
+from rig.errors import BenchFault, ConfigurationError
+from rig.instruments.baths import Bath
+from rig.instruments.guarded import guarded
+from rig.procedures.column_names import unit_of
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from rig.bench.config import BenchConfig
+    from rig.drivers.clock import Clock
+    from rig.drivers.wires import Wires
+    from rig.instruments.person import Person
+
+Role = TypeVar("Role")
+
+_OTHERWISE = 4
+_ASK_AGAIN_S = (1.0, 3.0)
+
+
+@dataclass
+class Bench:
+    """The opened instruments by name, with their roles. Their commands are checked (`rig.instruments.guarded`).
+
+    Attributes:
+        config: the bench file.
+        instruments: drivers by the bench's names.
+        sensors: (instrument, channel) by output column.
+        scales: unit of the output per unit of its channel, by output column.
+        volts: unit of the output per volt, by output column; outputs of other units are left out.
+        temperatures: (instrument, channel) by temperature column.
+        references: (instrument, channel) of reference standards, by factor.
+        standards: factor from the reading of its reference standard, by factor.
+        answered: last identities of the instruments.
+        person: a simulated person, or the bench of `rig sim`; None on a real bench.
+        forecast: whether only times are wanted of it: then it is looked at less often while something settles.
+    """
+
+    config: BenchConfig
+    instruments: dict[str, Instrument]
+    clock: Clock
+    wires: Wires
+    sensors: Mapping[str, tuple[str, str]] = field(init=False)
+    scales: Mapping[str, float] = field(init=False)
+    volts: Mapping[str, float] = field(init=False)
+    temperatures: Mapping[str, tuple[str, str]] = field(init=False)
+    references: Mapping[str, tuple[str, str]] = field(init=False)
+    standards: Mapping[str, Callable[[float], float]] = field(init=False)
+    answered: dict[str, Identity] = field(init=False, default_factory=dict)
+    person: Person | None = field(init=False, default=None)
+    forecast: bool = field(init=False, default=False)
+
+    def __post_init__(self) -> None:
+        limits, factors = self.config.limits, self.config.factors
+        self.instruments = {
+            name: guarded(name, i, limits, [factor for factor, setter in factors.items() if setter == name])
+            for name, i in self.instruments.items()
+        }
+        sensors = {f"{name}_{s.unit}": s for name, s in self.config.sensors.items()}
+        self.sensors = {column: (s.reader, s.channel) for column, s in sensors.items()}
+        self.temperatures = {name: (t.reader, t.channel) for name, t in self.config.temperatures.items()}
+        references = self.config.references
+        self.references = {name: (r.reader, r.channel) for name, r in references.items()}
+        self.standards = {name: of_reading(r.formula) for name, r in references.items()}
+        self._check_channels()
+        self._check_units()
+        self.scales = {column: self._scale(column, s.unit) for column, s in sensors.items()}
+        self.volts = {column: found for column, s in sensors.items() if (found := per_volt(s.unit)) is not None}
+
+    def _check_units(self) -> None:
+        """Refuse a standard that reads another unit than its quantity has, and has no formula that converts it."""
+        for name, one in self.config.references.items():
+            instrument, unit = self.instruments[one.reader], unit_of(name)
+            if one.formula is not None or not isinstance(instrument, WithUnits):
+                continue
+            own = instrument.units()[one.channel]
+            factor = scale(own, unit)
+            if factor != 1.0:
+                by = "FACTOR" if factor is None else f"{factor:g}"
+                raise ConfigurationError(
+                    f"bench {self.config.name}: references.{name}: channel {one.channel} of {one.reader} reads {own}, "
+                    f'not {unit}; say how {unit} follows from it: formula = "{by} * reading"'
+                )
+
+    def _scale(self, column: str, unit: str) -> float:
+        """Units of an output in one of its channel. Raises `ConfigurationError` if they are different units."""
+        reader, channel = self.sensors[column]
+        instrument = self.instruments[reader]
+        own = instrument.units()[channel] if isinstance(instrument, WithUnits) else VOLT
+        found = scale(own, unit)
+        if found is None:
+            what = f"bench {self.config.name}: {column}: channel {channel} of {reader} reads {own}, not {unit}"
+            if PER in unit and PER not in own:
+                raise ConfigurationError(
+                    f"{what}; a ratio is read by a meter that gives it: name one as the reader, such as a scpi-meter "
+                    f'with unit = "{unit}" (docs/how_to/scpi.md); {reader} can record the output in {own} alone'
+                )
+            raise ConfigurationError(f'{what}; write unit = "{own}", or that with another prefix')
+        return found
+
+    def _check_channels(self) -> None:
+        for name, (reader, channel) in (*self.sensors.items(), *self.temperatures.items(), *self.references.items()):
+            instrument = self.instruments[reader]
+            if not isinstance(instrument, Reader):
+                raise ConfigurationError(
+                    f"bench {self.config.name}: {name} has the reader {reader}, which is not a reader"
+                )
+            if channel not in instrument.channels():
+                known = ", ".join(instrument.channels())
+                raise ConfigurationError(
+                    f"bench {self.config.name}: {name}: {reader} has no channel {channel} ({known})"
+                )
+
+    @property
+    def head(self) -> Head:
+        """The dividing head."""
+        heads = self._playing(Head)
+        if len(heads) != 1:
+            raise ConfigurationError(
+                f"bench {self.config.name} needs exactly one dividing head for this procedure; it has {len(heads)}"
+            )
+        return next(iter(heads.values()))
+
+    def by_hand(self, factor: str) -> ByHand | None:
+        """The person who sets a factor; None if an instrument does."""
+        instrument = self.instruments.get(self.config.setters.get(factor, ""))
+        return instrument if isinstance(instrument, ByHand) else None
+
+    def setting(self, factor: str, role: type[Role]) -> tuple[str, Role]:
+        """The instrument that sets a factor, and its name. Raises `ConfigurationError` if it cannot."""
+        name = self.config.setters.get(factor)
+        if name is None:
+            raise ConfigurationError(
+                f"bench {self.config.name} does not name the instrument of {factor}: add it under [factors], "
+                f'{factor} = "INSTRUMENT"'
+            )
+        instrument = self.instruments[name]
+        if not plays(instrument, role):
+            raise ConfigurationError(
+                f"bench {self.config.name}: {name} cannot set {factor}: it is not a {role.__name__}"
+            )
+        return name, instrument
+
+    @property
+    def chambers(self) -> dict[str, Chamber]:
+        """Chambers and enclosures by name, and baths: sources that set a temperature."""
+        baths = {name: Bath(s) for name, s in self._playing(Source).items() if s.unit() == TEMPERATURE_UNIT}
+        return {**self._playing(Chamber), **baths}
+
+    def soaks(self, factor: str) -> tuple[str, Chamber]:
+        """The chamber or bath that sets a factor, and its name. Raises `ConfigurationError` if nothing such does."""
+        chambers, name = self.chambers, self.config.factors.get(factor, "")
+        return (name, chambers[name]) if name in chambers else self.setting(factor, Chamber)
+
+    @property
+    def readers(self) -> dict[str, Reader]:
+        """The instruments that read sensors or temperatures, by name."""
+        sources = (*self.sensors.values(), *self.temperatures.values(), *self.references.values())
+        used = {reader for reader, _ in sources}
+        return {name: r for name, r in self._playing(Reader).items() if name in used}
+
+    def _playing(self, role: type[Role]) -> dict[str, Role]:
+        return {name: i for name, i in self.instruments.items() if plays(i, role)}
+
+    def close(self) -> None:
+        """Release every wire."""
+        for instrument in self.instruments.values():
+            with contextlib.suppress(DriverError, OSError):
+                instrument.close()
+        self.wires.close()
+
+
+def open_bench(config: BenchConfig, options: Mapping[str, BaseModel], clock: Clock, wires: Wires) -> Bench:
+    """Open every instrument's wire. Sends nothing. Raises `BenchFault` with the name of the failing instrument."""
+    opened: dict[str, Instrument] = {}
+    try:
+        for name, instrument in config.instruments.items():
+            cls = driver_class(instrument.driver)
+            opened[name] = cls(name, instrument.address, options[name], wires, clock)
+        return Bench(config, opened, clock, wires)
+    except DriverError as error:
+        for instrument_opened in opened.values():
+            instrument_opened.close()
+        wires.close()
+        raise BenchFault(str(error)) from error
+
+
+def identities(bench: Bench, known: Mapping[str, Mapping[str, Any]] | None = None) -> dict[str, dict[str, Any]]:
+    """Ask every instrument for its identity, again if its answer is lost.
+
+    Args:
+        bench: the bench.
+        known: known identities, by name, from the run file. An answer that differs from the known and from the previous
+            one must come twice, since a truncated answer looks like another instrument. None: check only that they
+            answer.
+
+    Returns:
+        Identities by name, as kept in the run file.
+
+    Raises:
+        DriverError: an instrument does not answer, or answers differently every time.
+        BenchFault: an instrument is not the declared one.
+    """
+    found = {}
+    for name, instrument in bench.instruments.items():
+        declared = bench.config.instruments[name]
+        reply = _identity(instrument, bench.clock)
+        if known is not None and reply != bench.answered.get(name) and not _is(reply, known.get(name)):
+            reply = _twice(name, instrument, bench.clock, reply)
+        bench.answered[name] = reply
+        found[name] = {
+            "maker": reply.maker,
+            "model": reply.model,
+            "serial": reply.serial,
+            "firmware": reply.firmware,
+            "asset": declared.asset,
+            "due": declared.due.isoformat() if declared.due else None,
+            "confirmed": reply.confirmed,
+        }
+        if declared.serial and reply.confirmed and declared.serial != reply.serial:
+            raise BenchFault(
+                f"{name} at {declared.address} has serial number {reply.serial}, the bench file says "
+                f"{declared.serial}: connect the declared instrument, or correct the bench file"
+            )
+    return found
+
+
+def _is(reply: Identity, known: Mapping[str, Any] | None) -> bool:
+    return known is not None and all(known[key] == getattr(reply, key) for key in ("maker", "model", "serial"))
+
+
+def _twice(name: str, instrument: Instrument, clock: Clock, reply: Identity) -> Identity:
+    for _ in range(_OTHERWISE):
+        before, reply = reply, _identity(instrument, clock)
+        if reply == before:
+            return reply
+    raise BadReply(
+        f"{name} reports a different identity every time, last {reply.maker} {reply.model} "
+        f"{reply.serial}: check its line, and that it has no other controller"
+    )
+
+
+def _identity(instrument: Instrument, clock: Clock) -> Identity:
+    """Ask a question without side effects, again after an error."""
+    for pause in _ASK_AGAIN_S:
+        try:
+            return instrument.identify()
+        except (NoReply, BadReply, Unreachable):
+            clock.sleep(pause)
+    return instrument.identify()

@@ -1,0 +1,1 @@
+"""`rig budget`: uncertainty budgets of a run's results."""

@@ -1,0 +1,320 @@
+"""Parts of a certificate that are numbers: results, budgets, statements of conformity, conditions, effects."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+
+from rig.dcc.si_units import per_term
+from rig.fitter.budget import NEAR_95, Budgeted, Shapes
+from rig.fitter.confirm import Confirmation
+from rig.fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
+from rig.fitter.trace.outcome import Finding, Outcome
+from rig.procedures.column_names import stem_of
+from rig.register import holds_of
+from rig.register.surroundings import shown_unit
+from rig.verbs.budget.evaluation import RunBudget
+from rig.verbs.certificate import words
+from rig.verbs.certificate.document import Condition, Holding
+from rig.verbs.certificate.measured import Budget, Contribution, Effect, Result, ResultTable, Stage
+from rig.verbs.certificate.numbers import raised
+from rig.verbs.confirm import Confirmed
+
+SMALL = 1e-3
+"""Share of the variance below which an influence is not listed."""
+_SHARED = "Quantities inferred from all items together"
+_OF_TEMPERATURES = -2
+"""Last printed place of recorded conditions: that of meters of temperatures, and of tables."""
+
+
+def shapes(probability: float) -> Shapes:
+    """Results whose coverage factor is by the shapes of the distributions: where limits dominate, near 95 %."""
+    return "where limits dominate" if NEAR_95[0] <= probability <= NEAR_95[1] else False
+
+
+def sensor_of(name: str, run: RunBudget) -> str:
+    """Name of a sensor on the bench, from the column of its output; other names are unchanged."""
+    return run.of.table.outputs.get(name, name)
+
+
+def label_of(one: Budgeted, column: str, run: RunBudget) -> str:
+    """Name of a result without that of its sensor."""
+    for name in (column, sensor_of(column, run)):
+        if name and one.name.startswith(f"{name} "):
+            return one.name.removeprefix(name).strip()
+    return one.name
+
+
+def _result(one: Budgeted, column: str, run: RunBudget) -> Result:
+    both = rounded(one.value, one.expanded_uncertainty)
+    power = f"e{both.exponent:+03d}" if both.exponent else ""
+    return Result(
+        name=one.name,
+        label=label_of(one, column, run),
+        at=(),
+        value=f"{both.value_text}{power}",
+        expanded=f"{both.uncertainty_text}{power}",
+        k=rounded_factor(one.coverage_factor),
+        probability=f"{one.coverage_probability:g}",
+        unit=per_term(one.unit),
+        estimate=one.value,
+        standard=one.standard_uncertainty,
+        factor=one.coverage_factor,
+        df=one.df,
+    )
+
+
+def _of_sensors(run: RunBudget) -> Iterator[tuple[str, list[Budgeted]]]:
+    """Budgets by the output's column of their sensor; those of all sensors together last, with ""."""
+    pairs = list(zip(run.sensors, run.budgets, strict=True))
+    for column in sorted(dict.fromkeys(run.sensors), key=lambda name: not name):
+        yield column, [one for sensor, one in pairs if sensor == column]
+
+
+def tables(run: RunBudget, stage: Stage) -> tuple[ResultTable, ...]:
+    """A table of results for each sensor, and one for what is inferred from all of them."""
+    found = []
+    for column, ones in _of_sensors(run):
+        title = "results" if column else _SHARED
+        results = tuple(_result(one, column, run) for one in ones)
+        described = run.evaluation.described(column) if column else ""
+        told = (f"{described}.",) if described else ()
+        found.append(ResultTable(sensor_of(column, run), title, results, (), stage, told))
+    return tuple(found)
+
+
+def notes(run: RunBudget, confirmed: Confirmed | None = None) -> Iterator[str]:
+    """Notes on the uncertainties, as sentences; `confirmed` has the results of further runs."""
+    pairs = sorted(zip(run.sensors, run.budgets, strict=True), key=lambda pair: -len(pair[1].name))
+    for note in (_with_further_runs(one, confirmed) for one in run.notes):
+        first = note.partition(" ")[0]
+        told = f"{note[0].upper()}{note[1:]}" if first.isalpha() else note
+        for column, one in pairs:  # as the tables call them
+            told = told.replace(one.name, f"{sensor_of(column, run)} {label_of(one, column, run)}") if column else told
+        yield told if told.endswith(".") else f"{told}."
+
+
+_OF_THE_RUN = {
+    "these data cannot separate": "the data of this run alone cannot separate",
+    "it is doubtful": "by the data of this run alone it is doubtful",
+}
+
+
+def _with_further_runs(note: str, confirmed: Confirmed | None) -> str:
+    """A note about the data of the run, with the results of further runs for the effect that it names."""
+    answers = [] if confirmed is None else confirmed.answers
+    settled = [one for one in answers if one.verdict == "confirmed" and _names(one.effect, note)]
+    if not settled or not any(said in note for said in _OF_THE_RUN):
+        return note
+    for said, instead in _OF_THE_RUN.items():
+        note = note.replace(said, instead)
+    for one in settled:
+        excluded = [name for name in _excluded(one) if _names(name, note)]
+        also = f" and excludes {', '.join(excluded)}" if excluded else ""
+        note += f"; the further run confirms {one.effect}{also}, and the budgets count the difference all the same"
+    return note
+
+
+def _names(effect: str, note: str) -> bool:
+    """Whether a note names an effect, and not only one whose name begins or ends like it."""
+    return re.search(rf"(?<!\S){re.escape(effect)}(?=[:;,.]?(\s|$))", note) is not None
+
+
+def _excluded(answer: Confirmation) -> list[str]:
+    """Other causes that further runs exclude."""
+    return [one.effect for one in answer.members if not one.holds]
+
+
+def budgets(run: RunBudget, stage: Stage, which: str) -> tuple[Budget, ...]:
+    """Budgets of the annex: none, all, or of every sort of result the one of the largest uncertainty."""
+    found: list[Budget] = []
+    for column, ones in _of_sensors(run):
+        chosen = ones if which == "all" else _largest(ones, column, run) if which == "largest" else ()
+        found.extend(_budget(one, column, run, stage) for one in chosen)
+    return tuple(found)
+
+
+def _largest(ones: Sequence[Budgeted], column: str, run: RunBudget) -> Iterator[Budgeted]:
+    """Of results whose labels begin alike, such as all outputs, and that are in the unit of the first one."""
+    sorts: dict[str, list[Budgeted]] = {}
+    for one in ones:
+        sorts.setdefault(label_of(one, column, run).partition(" ")[0], []).append(one)
+    for alike in sorts.values():
+        same = (one for one in alike if one.unit == alike[0].unit)
+        yield max(same, key=lambda one: one.expanded_uncertainty)
+
+
+def _budget(one: Budgeted, column: str, run: RunBudget, stage: Stage) -> Budget:
+    by_share = sorted(one.contributions, key=lambda line: -abs(line.share))
+    listed = [line for line in by_share if abs(line.share) >= SMALL]
+    lines = tuple(
+        Contribution(
+            line.name, line.source, line.kind, _uncertainty(line.standard_uncertainty), rounded_df(line.df), line.share
+        )
+        for line in listed
+    )
+    result = _result(one, column, run)
+    return Budget(
+        sensor=sensor_of(column, run),
+        result=one.name,
+        label=result.label,
+        unit=result.unit,
+        contributions=lines,
+        combined=_uncertainty(one.standard_uncertainty),
+        df=rounded_df(one.df),
+        k=result.k,
+        expanded=result.expanded,
+        stage=stage,
+        left=len(by_share) - len(listed),
+    )
+
+
+def _uncertainty(value: float) -> str:
+    return decimal_text(rounded_uncertainty(value)) if value else "0"
+
+
+def decimal_text(number: Decimal) -> str:
+    """A rounded number with all of its digits and no others, with a power of ten if it needs one."""
+    exponent = number.as_tuple().exponent
+    assert isinstance(exponent, int)
+    if -9 <= exponent <= 0:
+        return f"{number:f}"
+    power = number.adjusted()
+    return f"{number.scaleb(-power):f}e{power:+03d}"
+
+
+def repeatability_only(run: RunBudget) -> tuple[str, ...]:
+    """Results whose uncertainty has nothing but the scatter of the run."""
+    return tuple(one.name for one in run.budgets if not any(line.kind == "B" for line in one.contributions))
+
+
+def conditions(run: RunBudget, stage: Stage) -> Iterator[Condition]:
+    """Temperatures and what else of the room was recorded with the observations, or is stated by the laboratory."""
+    of = run.of
+    for name in of.config.temperatures:
+        values = of.table.columns.get(name)
+        if values is not None and np.isfinite(values).all():
+            low, mean, high = (_recorded(value) for value in (values.min(), values.mean(), values.max()))
+            yield Condition(name, _label(name), shown_unit(name), low, mean, high, stage)
+    for name, (least, most) in of.told.stated.items():
+        yield Condition("", _label(name), shown_unit(name), f"{least:g}", "", f"{most:g}", stage)
+
+
+def _label(name: str) -> str:
+    return stem_of(name).replace("_", " ")
+
+
+def _recorded(value: float) -> str:
+    return f"{rounded_to(float(value), _OF_TEMPERATURES):f}"
+
+
+def holdings(run: RunBudget, stage: Stage) -> Iterator[Holding]:
+    """Conditions under which the certificates of the equipment hold, with all that is known of each."""
+    of = run.of
+    for one in holds_of(of.register, of.config):
+        about = (one.asset, one.certificate, one.label, shown_unit(one.quantity), f"{one.low:g} to {one.high:g}")
+        sources = one.sources(of.config, of.table.columns, of.told)
+        for name, values in sources.items():
+            ends = float(np.nanmin(values)), float(np.nanmax(values))
+            by_run = name in of.table.columns
+            low, high = (_recorded(end) if by_run else f"{end:g}" for end in ends)
+            lost = int(np.sum(~np.isfinite(values)))
+            missing = f", missing in {words.count(lost, 'observation')}" if lost else ""
+            yield Holding(*about, f"{low} to {high}", f"{_label(name) if by_run else name}{missing}", stage)
+        if not sources:
+            yield Holding(*about, "", "", stage)
+
+
+def not_recorded(run: RunBudget, stage: Stage) -> Iterator[str]:
+    """Conditions of certificates of which nothing tells, one sentence each."""
+    of, at = run.of, f" ({stage})" if stage else ""
+    for one in holds_of(of.register, of.config):
+        if not one.sources(of.config, of.table.columns, of.told):
+            yield one.not_recorded(at)
+
+
+def effects(
+    run: RunBudget, outcomes: Iterable[Outcome], confirmed: Confirmed | None, stage: Stage, heads: Mapping[Path, str]
+) -> Iterator[Effect]:
+    """Effects that a trace found, and what further runs say of them; remainders without a name, too.
+
+    An effect that further runs distinguish from the one named stands there with its own name and size.
+
+    Args:
+        run: with its budgets.
+        outcomes: of the trace.
+        confirmed: results of the further runs; None if none was made.
+        stage: of the run.
+        heads: head hash of each further run.
+    """
+    answers = {} if confirmed is None else {one.effect: one for one in confirmed.answers}
+    files = [] if confirmed is None else [f"{path.name}, head {heads[path][:16]}" for path in confirmed.paths]
+    by = f" by {' and '.join(files)}"
+    for outcome in outcomes:
+        sensor = sensor_of(outcome.sensor, run)
+        for one in outcome.findings:
+            if one.kind == "unnamed":
+                size = f"{100 * one.share:.2g} % of the error beyond scatter"
+                yield Effect(sensor, "no name", one.cause, size, False, "no cause of the catalogue explains it", stage)
+                continue
+            answer = answers.get(one.effect)
+            confirms = answer is not None and answer.verdict == "confirmed"
+            word = "" if answer is None or confirms else answer.verdict
+            how = f"{word}{by}".strip() if answer is not None else "no further run was made"
+            if answer is not None and confirms and (excluded := [n for n in _excluded(answer) if n in one.aliases]):
+                how += f", which excludes {', '.join(excluded)}"
+            if answer is not None and answer.verdict == "replaced":
+                found, cause = answer.members[0], f"what the trace of the run named {one.effect}"
+                size = found.sizes.get(outcome.sensor, "size not determined")
+                yield Effect(sensor, found.effect, cause, size, True, f"distinguished from {one.effect}{by}", stage)
+                continue
+            size = one.size + (f" ({one.size_95})" if one.size_95 else "")
+            cause = one.cause.partition(": ")[0].partition("; ")[0]
+            yield Effect(sensor, one.effect, cause, size, confirms, how, stage)
+
+
+def doubtful(outcomes: Iterable[Outcome], confirmed: Confirmed | None) -> Iterator[tuple[str, Finding]]:
+    """Sensor and finding of every name that is doubtful, and that no further run has confirmed or replaced."""
+    settled: Mapping[str, str] = {} if confirmed is None else {one.effect: one.verdict for one in confirmed.answers}
+    for outcome in outcomes:
+        for one in outcome.named:
+            if one.doubtful and settled.get(one.effect) not in ("confirmed", "replaced"):
+                yield outcome.sensor, one
+
+
+def all_confirmed(names: Iterable[str], confirmed: Confirmed | None) -> bool:
+    """Whether further runs confirmed every one of these effects as it is named."""
+    told = {} if confirmed is None else {one.effect: one.verdict for one in confirmed.answers}
+    return all(told.get(name) == "confirmed" for name in names)
+
+
+def models(run: RunBudget, stage: Stage, outcomes: Sequence[Outcome], *, accepted: bool) -> Iterator[str]:
+    """The model of the results, where a trace found effects beside the declared one, sentences."""
+    by_sensor = {
+        sensor_of(one.sensor, run): list(dict.fromkeys(f.effect for f in one.named if f.kind == "effect"))
+        for one in outcomes
+    }
+    found = "; ".join(f"{sensor}: {', '.join(names)}" for sensor, names in by_sensor.items() if names)
+    if not found:
+        return
+    of = f"Run {stage}: results" if stage else "Results"
+    if accepted:
+        yield (
+            f"{of}, budgets and statements of conformity are of the declared model with the effects that were found "
+            f"({found}), as rig budget --traced."
+        )
+        return
+    yield (
+        f"{of} are {words.LACKS} that were found ({found}). A budget has a line for each result that they move, and "
+        f"conformity counts it: the difference from the model with these effects. rig certificate RUN --traced "
+        f"states the results of that model."
+    )
+    if moved := [one for one in run.undeclared if not {"output", "inferred"} & set(one.split())]:
+        yield (
+            f"{', '.join(map(raised, moved))}: coefficients of the declared model over the range of this run. They "
+            f"absorb the effects, and are no properties of the item."
+        )

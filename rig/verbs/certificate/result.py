@@ -1,0 +1,229 @@
+"""`rig certificate`: of one run, of two runs before and after an adjustment, or of tables in their place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import date
+from pathlib import Path
+
+from rig.errors import UsageError
+from rig.fitter.errors import FitError
+from rig.register import DOCUMENT, absent
+from rig.register.surroundings import Range
+from rig.verbs.budget.evaluation import OfRun, RunBudget
+from rig.verbs.certificate import about, assembly, conformity, of_others
+from rig.verbs.certificate.document import Dates, Document
+from rig.verbs.certificate.measured import Stage
+from rig.verbs.certificate.runs import CertifiedRun, read_run
+from rig.verbs.certificate.settings import CertificateSettings, read_settings
+from rig.verbs.data.of_table import lacks
+
+SETTINGS = "certificate.toml"
+NUMBER = "(no number)"
+"""The number of a document that is not issued yet."""
+_STAGES: Mapping[int, tuple[Stage, ...]] = {1: ("",), 2: ("as found", "as left")}
+
+
+class Refused(UsageError):
+    """No certificate is made, for these reasons."""
+
+    def __init__(self, runs: Sequence[Path], reasons: Sequence[str]) -> None:
+        self.reasons = tuple(dict.fromkeys(reasons))
+        listed = "\n".join(f"- {one}" for one in self.reasons)
+        names = " and ".join(map(str, runs))
+        count = "1 reason" if len(self.reasons) == 1 else f"{len(self.reasons)} reasons"
+        super().__init__(f"no certificate is made of {names}; {count}:\n{listed}")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The contents of a certificate, as asked for.
+
+    Attributes:
+        runs: one run file, or CSV table, or two: as found, as left.
+        issued: date of issue.
+        equipment: another register than the one kept with the runs.
+        settings: certificate.toml; None for that in the working folder.
+        confirmed_by: later runs that confirm effects of the last run.
+        calibrated_by: instead of that of the settings.
+        approved_by: instead of that of the settings.
+        adjustment: between as found and as left, a sentence.
+        room: lowest and highest value of what the run did not record of the room, by name with unit, as the laboratory
+            states it.
+        traced: whether results are of the model with the effects that the trace finds, also where no further run
+            confirmed them.
+        today: the certificate of a real run is not dated after it; None if that is not asked.
+    """
+
+    runs: tuple[Path, ...]
+    issued: date
+    equipment: Path | None = None
+    settings: Path | None = None
+    confirmed_by: tuple[Path, ...] = ()
+    calibrated_by: str = ""
+    approved_by: str = ""
+    adjustment: str = ""
+    today: date | None = None
+    traced: bool = False
+    room: Mapping[str, Range] = field(default_factory=dict)
+
+    @property
+    def settings_file(self) -> Path:
+        """The file of the settings, whether it exists or not."""
+        return self.settings or Path(SETTINGS)
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A certificate, not yet written.
+
+    Attributes:
+        document: all of it, with `NUMBER` as its number.
+        settings: of the laboratory.
+        folder: of the settings, for its template.
+        budgets: of each run.
+    """
+
+    document: Document
+    settings: CertificateSettings
+    folder: Path
+    budgets: tuple[RunBudget, ...]
+
+
+def make(asked: Asked) -> Made:
+    """A certificate as data.
+
+    Raises:
+        Refused: with all reasons why none is made.
+        UsageError: there are not one or two runs.
+        ConfigurationError: the settings cannot be read.
+    """
+    if len(asked.runs) not in _STAGES:
+        raise UsageError(f"a certificate is made of one run, or of two (as found, as left), not of {len(asked.runs)}")
+    given = asked.settings_file
+    settings = read_settings(given) if asked.settings is not None or given.exists() else CertificateSettings()
+    reasons: list[str] = []
+    runs = [
+        read_run(path, stage, asked, settings, reasons)
+        for path, stage in zip(asked.runs, _STAGES[len(asked.runs)], strict=True)
+    ]
+    document = _document([one for one in runs if one is not None], asked, settings, given, reasons)
+    if reasons or document is None:
+        raise Refused(asked.runs, reasons)
+    return Made(document, settings, given.parent, tuple(one.budget for one in runs if one and one.budget))
+
+
+def _document(
+    runs: Sequence[CertifiedRun], asked: Asked, settings: CertificateSettings, given: Path, reasons: list[str]
+) -> Document | None:
+    """The whole document; None if a run has no budget. Missing fields become reasons."""
+    missing = about.Missing(reasons)
+    origin = about.Origin(str(asked.equipment or DOCUMENT), str(given), given.parent)
+    about.settled(settings, origin, missing, asked.approved_by)
+    if settings.next_due is not None and settings.next_due <= asked.issued:
+        reasons.append(f"next_due = {settings.next_due} is not after the date of issue, {asked.issued}: correct it")
+    pairs = [(one, one.of) for one in runs if one.of is not None]
+    of = [one for _, one in pairs]
+    if not of:
+        return None
+    items, known = about.items(of, settings, origin, missing)
+    calibrated, approved = about.people(of[-1], settings, origin, missing, asked.calibrated_by, asked.approved_by)
+    laboratory = about.laboratory(of[-1].register, settings, origin, missing)
+    customer = about.customer(known, settings, origin, missing)
+    place = settings.place or ", ".join(laboratory.party.address)
+    evidence = tuple(about.evidence(of_run, one.records, one.stage) for one, of_run in pairs)
+    simulated = any(one.table.simulated for one in of)
+    dates = Dates(
+        max((one.received for one in known if one.received is not None), default=None),
+        min(one.began for one in evidence),
+        max(one.ended for one in evidence),
+        asked.issued,
+    )
+    reasons.extend(_of_dates(dates, None if simulated else asked.today, simulated=simulated))
+    if len(asked.runs) > 1:
+        reasons.extend(_of_two(of, asked.adjustment))
+    with_budget = [(one, one.budget) for one in runs if one.budget is not None]
+    try:
+        statements = [s for one, b in with_budget for s in conformity.statements(b, one.stage, settings)]
+    except FitError as error:
+        statements = []
+        reasons.append(f"no statement of conformity: {error}; correct [decision] in {origin.settings}")
+    if len(with_budget) < len(asked.runs):
+        return None
+    return Document(
+        number=NUMBER,
+        simulated=simulated,
+        laboratory=laboratory,
+        customer=customer,
+        items=items,
+        place=place,
+        dates=dates,
+        calibrated_by=calibrated,
+        approved_by=approved,
+        method=about.method(of[-1], settings),
+        conditions=tuple(c for one, b in with_budget for c in assembly.conditions(b, one.stage)),
+        holdings=tuple(h for one, b in with_budget for h in assembly.holdings(b, one.stage)),
+        external=tuple(of_others.external(items, known)),
+        supplied=tuple(of_others.supplied(items, known, of, settings)),
+        equipment=about.equipment(of),
+        tables=tuple(t for one, b in with_budget for t in assembly.tables(b, one.stage)),
+        budgets=tuple(x for one, b in with_budget for x in assembly.budgets(b, one.stage, settings.annex)),
+        evidence=evidence,
+        statements=tuple(statements),
+        effects=tuple(
+            e for one, b in with_budget for e in assembly.effects(b, one.outcomes, one.confirmed, one.stage, one.heads)
+        ),
+        adjustment=asked.adjustment.strip() if len(runs) > 1 else "",
+        deviations=(
+            *(
+                d
+                for one, b in with_budget
+                for d in (
+                    (*lacks(b.of.table, b.of.config, origin.register), *one.said)
+                    if one.state is None
+                    else (*about.deviations(b.of, one.state, one.stage, (one.register, asked.equipment)), *one.said)
+                )
+            ),
+            *(
+                d
+                for one in runs
+                if one.state is not None
+                for d in conformity.since_recorded(one.conformity, settings, f" ({one.stage})" if one.stage else "")
+            ),
+            *dict.fromkeys(d for one in of for d in absent(one.register, one.config, asked.room)),
+            *(d for one, b in with_budget for d in assembly.not_recorded(b, one.stage)),
+        ),
+        notes=tuple(dict.fromkeys(n for one, b in with_budget for n in assembly.notes(b, one.confirmed))),
+        next_due=settings.next_due,
+        remarks=settings.remarks,
+        paper=settings.paper,
+        models=tuple(
+            m for one, b in with_budget for m in assembly.models(b, one.stage, one.outcomes, accepted=one.accepted)
+        ),
+    )
+
+
+def _of_dates(dates: Dates, today: date | None, *, simulated: bool) -> Iterator[str]:
+    """Dates that cannot be; a simulated run has a calendar of its own."""
+    if dates.received is not None and dates.received > dates.began:
+        yield f"received on {dates.received}, after the run began on {dates.began}: correct sensors.*.received"
+    if dates.issued < dates.ended and not simulated:
+        yield f"issued on {dates.issued}, before the run ended on {dates.ended}"
+    if today is not None and dates.issued > today:
+        yield f"issued on {dates.issued}, and today is {today} (UTC): correct --issued"
+
+
+def _of_two(runs: Sequence[OfRun], adjustment: str) -> Iterator[str]:
+    """Reasons why two runs are not as found and as left."""
+    if not adjustment.strip():
+        yield "two runs are as found and as left: say what was adjusted between them, --adjustment"
+    if len(runs) < 2:
+        return
+    found, left = (one.table for one in runs)
+    if found.provenance["head"] == left.provenance["head"]:
+        yield "both files are of the same run: name the run as found, and the run as left"
+    elif found.provenance["began_utc"] > left.provenance["began_utc"]:
+        yield "the first run is later than the second: name the run as found first"
+    if set(found.outputs.values()) != set(left.outputs.values()):
+        yield "the two runs have other sensors: as found and as left are of the same ones"

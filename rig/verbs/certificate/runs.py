@@ -1,0 +1,227 @@
+"""A run of a certificate, as far as it can be read: verified, traced and budgeted, with all reasons against it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rig.effects import laboratory_effects
+from rig.errors import RigError
+from rig.fitter.errors import FitError
+from rig.procedures.errors import DataError
+from rig.procedures.present.shell import shell_word
+from rig.register import DOCUMENT, Told, check_surroundings
+from rig.run_file.reader import RunReader
+from rig.run_file.state import RunState, read_state
+from rig.run_file.verification import verify_file
+from rig.runs.plans import CONFORMITY
+from rig.tables import is_run
+from rig.verbs.budget.evaluation import Checked, OfRun, RunBudget, budget_of, checked_run
+from rig.verbs.budget.undeclared import with_undeclared
+from rig.verbs.certificate import assembly, conformity
+from rig.verbs.certificate.measured import Stage
+from rig.verbs.certificate.settings import CertificateSettings
+from rig.verbs.data.of_table import OfTable, Said, checked_table, gross_errors, without_size
+from rig.verbs.data.result import Data
+
+if TYPE_CHECKING:
+    from rig.fitter.trace.outcome import Outcome
+    from rig.verbs.certificate.result import Asked
+    from rig.verbs.confirm import Confirmed
+
+
+@dataclass
+class CertifiedRun:
+    """One run, as far as it could be read; a table has no state."""
+
+    path: Path
+    stage: Stage
+    state: RunState | None = None
+    records: int = 0
+    dry: bool = False
+    register: str | None = None
+    conformity: str | None = None
+    of: OfRun | None = None
+    budget: RunBudget | None = None
+    outcomes: Sequence[Outcome] = ()
+    confirmed: Confirmed | None = None
+    heads: Mapping[Path, str] = field(default_factory=dict)
+    stated: bool = False
+    accepted: bool = False
+    said: tuple[str, ...] = ()
+
+
+def read_run(
+    path: Path, stage: Stage, asked: Asked, settings: CertificateSettings, reasons: list[str]
+) -> CertifiedRun | None:
+    """A run, verified, budgeted and traced; None if it cannot be read at all."""
+    if not is_run(path):
+        return _read_table(path, stage, asked, settings, reasons)
+    found = verify_file(path)
+    if not found.whole:
+        reasons.append(f"{path} is not verified: {found.findings[0]}; see rig verify")
+        return None
+    with RunReader.open(path) as reader:
+        dry, documents = reader.about().runs_dry, reader.documents()
+        state = read_state(reader)
+    run = CertifiedRun(path, stage, state, found.records, dry, documents.get(DOCUMENT), documents.get(CONFORMITY))
+    if state.ended != "complete":
+        reasons.append(f"{path} is not complete: {state.remaining} points are missing; rig resume {shell_word(path)}")
+    later = asked.confirmed_by if path == asked.runs[-1] else ()
+    with _noted(reasons):
+        _checked(run, asked, reasons)
+    if state.ended == "complete":  # the effects of half a run are others in a moment
+        with _noted(reasons):
+            _trace(run, later, reasons)
+    with _noted(reasons):
+        _budget(run, asked, settings, reasons)
+    return run
+
+
+def _read_table(
+    path: Path, stage: Stage, asked: Asked, settings: CertificateSettings, reasons: list[str]
+) -> CertifiedRun | None:
+    """The same of a CSV table: the settings say what a run file would."""
+    given, own = asked.settings_file, settings.table
+    if own is None:
+        reasons.append(
+            f"{path} is no run file, and {given} has no [table]: it says when the table was measured, its models, and "
+            "what gives its columns (docs/how_to/certificate.md)"
+        )
+        return None
+    if path == asked.runs[-1]:
+        reasons.extend(f"{one}: --confirmed-by is for runs; {path} is a table" for one in asked.confirmed_by)
+    run = CertifiedRun(path, stage)
+    said = Said(own.began, own.ended or own.began, own.models, own.given_by, str(given), own.room)
+    with _noted(reasons):
+        _take(run, checked_table(path, said, asked.equipment, given.parent), asked, reasons)
+    if run.of is not None:
+        with _noted(reasons):
+            kind, source = run.of.kind, OfTable(run.of.table)
+            fitted = kind.fit(source, kind.fit_options(), leave_out=(), own=(), keep=False)
+            run.outcomes = kind.trace(source, kind.trace_options(), own=laboratory_effects()).outcomes
+            gross = list(gross_errors(fitted.to_json(), run.outcomes, own.keep, str(given)))
+            run.said += tuple(told for kept, told in gross if kept)
+            reasons.extend(told for kept, told in gross if not kept)
+    unsized = list(without_size(run.outcomes, run.of.table, str(given))) if run.of else []
+    reasons.extend(unsized)
+    if not unsized:
+        with _noted(reasons):
+            _budget(run, asked, settings, reasons)
+    return run
+
+
+@contextmanager
+def _noted(reasons: list[str]) -> Iterator[None]:
+    """Lines of an error become reasons."""
+    try:
+        yield
+    except (RigError, DataError, FitError) as error:
+        reasons.extend(str(error).splitlines())
+
+
+def _checked(run: CertifiedRun, asked: Asked, reasons: list[str]) -> None:
+    _take(run, checked_run(run.path, asked.equipment), asked, reasons)
+
+
+def _take(run: CertifiedRun, checked: Checked, asked: Asked, reasons: list[str]) -> None:
+    reasons.extend(checked.reasons)
+    run.of, run.stated = replace(checked.of, told=replace(checked.of.told, stated=asked.room)), checked.stated
+    with _noted(reasons):
+        stated = Told(stated=asked.room)
+        check_surroundings(run.of.register, run.of.config, {}, stated, str(asked.equipment or DOCUMENT))
+    run.said += checked.untold
+    if run.of.register.example and not run.of.table.simulated:
+        reasons.append(f"the register {run.of.register.name!r} has example values: state those of your equipment")
+
+
+def _budget(run: CertifiedRun, asked: Asked, settings: CertificateSettings, reasons: list[str]) -> None:
+    """Budgets by the accepted model; otherwise by the declared one, with the size of the effects that it lacks."""
+    if run.of is None:
+        return
+    by_sensor = {o.sensor: tuple(one.effect for one in o.named if one.kind == "effect") for o in run.outcomes}
+    found = tuple(dict.fromkeys(name for names in by_sensor.values() for name in names))
+    run.accepted = bool(found) and (asked.traced or assembly.all_confirmed(found, run.confirmed))
+    more: dict[str, Any] = {
+        "at": settings.at,
+        "same_meter": settings.same_meter,
+        "probability": settings.probability,
+        "shapes": assembly.shapes(settings.probability),
+    }
+    made = budget_of(run.of, **more, options={"traced": True} if run.accepted else None)
+    if found and not run.accepted:
+        with_effects = budget_of(run.of, **more, options={"traced": True})
+        made = with_undeclared(made, with_effects, by_sensor, more["shapes"])
+    run.budget = made
+    reasons.extend(_of_budget(made, settings, str(asked.settings_file), stated=run.stated))
+
+
+def _trace(run: CertifiedRun, later: Sequence[Path], reasons: list[str]) -> None:
+    verified = [verify_file(one) for one in later]
+    broken = [(one, v.findings[0]) for one, v in zip(later, verified, strict=True) if not v.whole]
+    reasons.extend(f"{one} is not verified: {finding}; see rig verify" for one, finding in broken)
+    if broken or run.of is None:
+        return
+    run.heads = {one: v.head for one, v in zip(later, verified, strict=True)}
+    run.outcomes, run.confirmed = _traced(run.path, later, quick="quick" in run.of.kind.trace_options.model_fields)
+    reasons.extend(_doubts(run))
+
+
+def _of_budget(budget: RunBudget, settings: CertificateSettings, where: str, *, stated: bool) -> Iterator[str]:
+    for point in budget.outside:
+        yield f"{point}; correct `at`"
+    yield from conformity.without_result(budget, settings, where)
+    if not stated:
+        return
+    for name in assembly.repeatability_only(budget):
+        yield f"{name}: its uncertainty is repeatability only; state the errors of its instruments in the register"
+    table = budget.of.table
+    for column in budget.unstated:
+        if column in table.outputs or column in table.factors:
+            yield f"{column}: the register states no error of what reads or sets it; add what its certificate says"
+
+
+def _traced(path: Path, later: Sequence[Path], *, quick: bool) -> tuple[Sequence[Outcome], Confirmed | None]:
+    """Effects of a run, and what later runs say about them together.
+
+    The findings are those of a whole trace; where the kind has a quick one, errors that a certificate does not have are
+    not computed.
+    """
+    options = {"quick": True} if quick else {}
+    if not later:
+        return Data(path).trace(**options).traced.outcomes, None
+    from rig.verbs.confirm import judge, open_traced  # noqa: PLC0415 - few certificates have it
+
+    first = open_traced(path, **options)
+    return first.traced.outcomes, judge(first, *later)
+
+
+def _doubts(run: CertifiedRun) -> Iterator[str]:
+    told = {} if run.confirmed is None else {one.effect: one.verdict for one in run.confirmed.answers}
+    for sensor, one in assembly.doubtful(run.outcomes, run.confirmed):
+        doubt = f"{sensor}: the name of effect {one.effect} is doubtful: {one.doubtful}"
+        yield f"{doubt}; {_next_run(run, told.get(one.effect, ''))}"
+
+
+def _next_run(run: CertifiedRun, verdict: str) -> str:
+    """What to run next for a doubtful name, by the verdict of the further runs that were given; "" without any."""
+    dry, confirm = " --dry" if run.dry else "", f"rig confirm {shell_word(run.path)}"
+    if run.confirmed is None or not verdict:
+        return f"confirm it by a further run ({confirm}{dry}), then --confirmed-by"
+    paths = run.confirmed.paths
+    files = " and ".join(path.name for path in paths)
+    by, after, given = (
+        " ".join(f"--{o} {shell_word(path)}" for path in paths) for o in ("by", "after", "confirmed-by")
+    )
+    if verdict == "none holds":
+        return (
+            f"by {files} it is none of the causes that were looked for, or it changed between the runs: no certificate "
+            f"is made of this run. {confirm} {by} shows why; find the cause, then calibrate again"
+        )
+    return (
+        f"{files} did not confirm it (verdict: {verdict}): make the next run ({confirm} {after}{dry}), "
+        f"then {given} --confirmed-by NEXT_RUN"
+    )

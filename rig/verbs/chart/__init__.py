@@ -1,0 +1,1 @@
+"""`rig chart`: several calibrations of one sensor over time."""

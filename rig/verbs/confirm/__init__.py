@@ -1,0 +1,40 @@
+"""Confirmation of a trace by a further run: proposals, expected separation, and results."""
+
+from rig.verbs.confirm.answers import Confirmed, chance, evidence, following, judge, sentences, sizes
+from rig.verbs.confirm.calibration import fit_confirmed
+from rig.verbs.confirm.first import First, open_traced
+from rig.verbs.confirm.plans import plan_for, procedure_text
+from rig.verbs.confirm.proposal import SURE, Proposal
+from rig.verbs.confirm.proposals import (
+    Inseparable,
+    consider,
+    inseparable,
+    ordered,
+    otherwise,
+    propose,
+    unlikely,
+)
+
+__all__ = [
+    "SURE",
+    "Confirmed",
+    "First",
+    "Inseparable",
+    "Proposal",
+    "chance",
+    "consider",
+    "evidence",
+    "fit_confirmed",
+    "following",
+    "inseparable",
+    "judge",
+    "open_traced",
+    "ordered",
+    "otherwise",
+    "plan_for",
+    "procedure_text",
+    "propose",
+    "sentences",
+    "sizes",
+    "unlikely",
+]

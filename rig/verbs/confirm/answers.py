@@ -1,0 +1,291 @@
+"""Results of a further run: as JSON, and as sentences for a certificate."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from rig.errors import UsageError
+from rig.fitter.arrays import FloatArray
+from rig.fitter.confirm import Confirmation, Later, Member, SensorError, confirm_all, still_open
+from rig.fitter.confirm import Confirmed as Judged
+from rig.fitter.confirm.judge import CHANGED, PREDICTED
+from rig.fitter.errors import FitError
+from rig.procedures.present.words import SMALLEST
+from rig.verbs.confirm.first import First, read_later
+
+Value = TypeVar("Value", float, FloatArray)
+
+
+@dataclass(frozen=True, eq=False)
+class Confirmed:
+    """Results of a later run about the effects found in a first run.
+
+    Attributes:
+        first: the traced run.
+        paths: the later run files, in order of time.
+        later: the same, read.
+        judged: every question, and both models.
+    """
+
+    first: First
+    paths: tuple[Path, ...]
+    later: tuple[Later, ...]
+    judged: Judged
+
+    @property
+    def path(self) -> Path:
+        """The last one."""
+        return self.paths[-1]
+
+    @property
+    def bench_h(self) -> float:
+        """Bench time of the later runs, hours: from begin to last reading."""
+        return float(sum(one.data.elapsed_s.max() for one in self.later)) / 3600.0
+
+    def recorded(self, name: str) -> FloatArray | None:
+        """(m,) what was recorded in the later runs; None if it is not known of all."""
+        if not all(hasattr(one.data, name) for one in self.later):
+            return None
+        begins = [one.after_s if name == "elapsed_s" and len(self.later) > 1 else 0.0 for one in self.later]
+        values = (np.asarray(getattr(one.data, name), np.float64) for one in self.later)
+        return np.concatenate([own + begin for own, begin in zip(values, begins, strict=True)])
+
+    @property
+    def answers(self) -> tuple[Confirmation, ...]:
+        """One answer per question."""
+        return self.judged.answers
+
+    @property
+    def settled(self) -> bool:
+        """Whether exactly one explanation remains for every effect."""
+        return all(answer.verdict in ("confirmed", "replaced") for answer in self.answers)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the inferred quantity, in which errors are given."""
+        return self.first.confirming.unit
+
+    def named(self, output: str) -> str:
+        """An output with the unit of its errors, where outputs have different ones."""
+        own = self.first.confirming.unit_for(output)
+        return output if own == self.unit or not own else f"{output} / {own}"
+
+    @property
+    def own(self) -> str:
+        """Parameters estimated from the further run itself for its prediction, in words; "" if there are none."""
+        return self.first.confirming.own_words(realigned=self.judged.realigned)
+
+    def inferred(self, error: SensorError, value: Value) -> Value:
+        """An error of the output converted to an error of the inferred quantity, in `unit`; small angles."""
+        return value * self.first.confirming.per_slope / abs(error.slope)
+
+    def to_json(self) -> dict[str, Any]:
+        """Values for `--json`."""
+        told = [
+            self._answer(a) | {"sentence": _sentence(a), "evidence": evidence(a), "caution": may_be_beside(a)}
+            for a in self.answers
+        ]
+        errors = {name: self._error(name, e) for name, e in self.judged.errors.items()}
+        about = {
+            "run": str(self.path),
+            "runs": [str(path) for path in self.paths],
+            "bench_h": self.bench_h,
+            "points": sum(len(one.data) for one in self.later),
+            "taken_out": self.own,
+        }
+        return about | {"error": errors, "effects": told}
+
+    def _answer(self, answer: Confirmation) -> dict[str, Any]:
+        return {
+            "named": answer.effect,
+            "verdict": answer.verdict,
+            "holds": list(answer.holding),
+            "outliers": list(answer.outliers),
+            "beside": [{"effect": one.effect, "up_to": one.up_to} for one in answer.beside],
+            "members": [
+                {
+                    "effect": m.effect,
+                    "causes": list(m.causes),
+                    "sigmas_behind": m.sigmas,
+                    "p_changed": m.p_changed,
+                    "missed": m.missed if math.isfinite(m.missed) else None,
+                    "sigmas_shown": m.shown,
+                    "sigmas_expected": m.expected,
+                    "p_shown": m.p_shown,
+                    "limit_sigmas": m.limit,
+                    "fits": m.fits,
+                    "terms": list(m.terms),
+                    "coefficients": list(m.coefficients),
+                    "interval_95": [list(i) for i in m.intervals],
+                    "interval_holds_zero": list(m.zero),
+                    "coefficients_both_runs": list(m.together),
+                    "interval_95_both_runs": [list(i) for i in m.intervals_together],
+                    "size": dict(m.sizes),
+                }
+                for m in answer.members
+            ],
+        }
+
+    def _error(self, name: str, error: SensorError) -> dict[str, float]:
+        output, unit = self.first.confirming.output_unit, self.first.confirming.unit_for(name).replace("/", "_per_")
+        output = unit if output == self.unit else output
+        values = {"before": error.before, "after": error.after, "reading": error.sigma}
+        return {f"{name}_{output}": value for name, value in values.items()} | {
+            f"{name}_{unit}": self.inferred(error, value) for name, value in values.items()
+        }
+
+
+def judge(first: First, *later: Path) -> Confirmed:
+    """Judge every effect found by one or several later runs together.
+
+    Raises:
+        UsageError: a run has another kind or other sensors, is not later, or is given twice.
+    """
+    read = sorted(((read_later(first, path), path) for path in later), key=lambda run: run[0].after_s)
+    runs, paths = tuple(run for run, _ in read), tuple(path for _, path in read)
+    for (one, path), (other, _) in itertools.pairwise(read):
+        if one.after_s == other.after_s:
+            raise UsageError(f"{path} is given twice, or began at the time of another one: give every further run once")
+    *earlier, last = runs
+    try:
+        both = first.confirming.after(earlier).beside(last.data, last.after_s, last.done)
+        judged = confirm_all(both, first.questions)
+    except FitError as error:
+        raise UsageError(f"{', '.join(map(str, paths))}: {error}") from error
+    return Confirmed(first, paths, runs, judged)
+
+
+def following(confirmed: Confirmed) -> First | None:
+    """The first run with the further ones and what they leave open, for the next run; None if nothing is open."""
+    questions = tuple(filter(None, map(still_open, confirmed.answers)))
+    if not questions:
+        return None
+    first = confirmed.first
+    return replace(first, confirming=first.confirming.after(confirmed.later), questions=questions)
+
+
+def sentences(confirmed: Confirmed) -> Iterator[str]:
+    """Confirmed effects, in sentences for a certificate; the errors of both models last."""
+    for answer in confirmed.answers:
+        yield " ".join(filter(None, (_sentence(answer), evidence(answer), may_be_beside(answer))))
+    errors = confirmed.judged.errors
+    name = max(errors, key=lambda sensor: errors[sensor].before / errors[sensor].sigma)
+    if not np.isfinite(errors[name].before):
+        yield "The further run is too short to determine the error of either model."
+        return
+    before, after = (confirmed.inferred(errors[name], v) for v in (errors[name].before, errors[name].after))
+    unit = confirmed.first.confirming.unit_for(name)
+    yield (
+        f"On data not used by either model the error of {name} is {before:.3g} {unit} rms with the "
+        f"declared model and {after:.3g} {unit} with the effects."
+    )
+
+
+def _sentence(answer: Confirmation) -> str:
+    if answer.verdict == "confirmed":
+        others = [m.effect for m in answer.members[1:]]
+        excluded = f"; {_listed(others)} {'is' if len(others) == 1 else 'are'} excluded" if others else ""
+        return f"{answer.effect} is confirmed by a further run{excluded}."
+    if answer.verdict == "replaced":
+        return f"What was named {answer.effect} is {answer.members[0].effect}: a further run distinguishes them."
+    if answer.cannot_tell:
+        return _cannot_tell(answer)
+    if answer.verdict == "not shown":
+        return f"The further run does not show {answer.effect}: it is not distinguishable from zero."
+    if answer.verdict == "undecided":
+        return f"A further run leaves {_listed(answer.holding)} undecided."
+    return (
+        f"{_listed([m.effect for m in answer.members])}: different sizes in the two runs, or more than error remains "
+        f"with it. The cause is a different one, or it changed between the runs."
+    )
+
+
+def _cannot_tell(answer: Confirmation) -> str:
+    largest = max(member.expected for member in answer.members if member.holds)
+    why = (
+        f": its {answer.used_up} groups of readings with a common error (whole plots or replications) leave no degrees "
+        "of freedom beside the coefficients of the declared model that differ between them"
+        if answer.used_up
+        else ""
+    )
+    return (
+        f"The further run cannot tell whether {' or '.join(answer.holding)} is there: as large as in the first run, it "
+        f"would show it by {largest:.1f} standard errors{why}. A longer further run, or one with more whole plots, is "
+        "needed."
+    )
+
+
+def evidence(answer: Confirmation) -> str:
+    """Evidence for the verdict: separation of the confirmed explanation and of the excluded ones, with limits.
+
+    "" if several hold, or none does.
+    """
+    if len(answer.holding) != 1:
+        return ""
+    best, limit = answer.members[0], f"limit {answer.members[0].limit:.1f}"
+    text = (
+        f"The further run shows {best.effect} by {best.shown:.1f} standard errors ({limit}, p {chance(best.p_shown)})"
+    )
+    why = [f"{m.effect}: {_against(m)}" for m in answer.members[1:]]
+    text += f"; excluded: {'; '.join(why)}." if why else "."
+    if answer.verdict in ("confirmed", "replaced") and best.zero:
+        text += (
+            f" By the further run alone the 95 % interval of {_listed(best.zero)} contains zero: that run also has "
+            "to determine the declared model and the other effects; the verdict uses both runs together, with "
+            f"{_ends(best)}."
+        )
+    return text
+
+
+def may_be_beside(answer: Confirmation) -> str:
+    """Causes that the two runs do not exclude beside the confirmed one; "" if there are none of a notable size."""
+    if not answer.beside or answer.verdict not in ("confirmed", "replaced"):
+        return ""
+    parts = [f"{one.effect} up to {100 * one.up_to:.0f} %" for one in answer.beside]
+    return (
+        f"Two causes at once are not excluded: of what was found, beside {answer.holding[0]} may be {_listed(parts)} "
+        "(95 %), and its size would be another by as much. A longer further run narrows this."
+    )
+
+
+def _against(member: Member) -> str:
+    """Reason why an explanation is excluded."""
+    reasons = []
+    if member.sigmas > member.limit:
+        reasons.append(f"{member.sigmas:.1f} standard errors worse (limit {member.limit:.1f})")
+    if member.p_changed < CHANGED:
+        reasons.append(f"another size than in the first run (p {chance(member.p_changed)}, limit {CHANGED:g})")
+    if not member.fits:
+        reasons.append("leaves more than error in the further run")
+    if PREDICTED < member.missed < math.inf:
+        reasons.append(
+            f"the first run does not predict {100 * member.missed:.2g} % of it (limit {100 * PREDICTED:g} %)"
+        )
+    return ", ".join(reasons)
+
+
+def _ends(member: Member) -> str:
+    pairs = zip(member.terms, member.intervals_together, strict=True)
+    return ", ".join(f"{low:.3g} to {high:.3g} for {name}" for name, (low, high) in pairs)
+
+
+def chance(p: float) -> str:
+    """A probability; values below the limit of reliable tails are given as below that limit."""
+    return f"< {SMALLEST:g}" if p < SMALLEST else f"= {p:.2g}"
+
+
+def sizes(member: Member) -> list[str]:
+    """Size of a cause in the further run, one line per sensor, or one line if all are the same."""
+    different = dict.fromkeys(member.sizes.values())
+    return list(different) if len(different) == 1 else [f"{name}: {size}" for name, size in member.sizes.items()]
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(names) if len(names) < 3 else ", ".join(names[:-1]) + " and " + names[-1]

@@ -1,0 +1,89 @@
+"""A calibration with effects confirmed by a follow-up run: `rig fit RUN --confirmed-by LATER`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rig.errors import UsageError
+from rig.fitter.confirm import Confirmation
+from rig.procedures.evaluate.confirming import SETTLED
+from rig.procedures.evaluate.results import Fitted, Options
+from rig.procedures.tables.table import Table
+from rig.tables import run_table
+from rig.verbs.confirm.answers import Confirmed, evidence, judge
+from rig.verbs.confirm.first import First, open_traced
+
+
+def fit_confirmed(
+    run: Path, later: Sequence[Path], options: Options, read: Callable[[Path], Table] = run_table
+) -> Fitted:
+    """The calibration of a run with the causes confirmed by later ones.
+
+    Args:
+        run: the traced run.
+        later: the judging runs.
+        options: of `rig fit`, as declared by the run's kind; those that `rig trace` also has are passed to the trace.
+        read: gives the table of a run file, such as one with the corrections of certificates.
+
+    Raises:
+        UsageError: one is not a run file, or they do not belong together.
+        rig.procedures.errors.DataError: an option is not permitted here.
+    """
+    if any(path.suffix == ".csv" for path in (run, *later)):
+        raise UsageError("--confirmed-by takes two run files: tables have no bench and no time")
+    given = options.model_dump(exclude_unset=True)
+    traced = {name: given[name] for name in ("formula", "temperature", "response") if name in given}
+    first = open_traced(run, read, **traced)
+    return with_confirmed(first, judge(first, *later), options)
+
+
+def with_confirmed(first: First, confirmed: Confirmed, options: Options) -> Fitted:
+    """The calibration of the first run with the remaining explanations of every effect; see `fit_confirmed`."""
+    record = provenance(first, confirmed)
+    fitted = first.confirming.calibrated(confirmed.answers, first.questions, record, options)
+    for effect in record["effects"]:
+        del effect["told"]
+    return fitted
+
+
+def provenance(first: First, confirmed: Confirmed) -> dict[str, Any]:
+    """Both runs, and for every effect the verdict, the used explanation and the evidence, as JSON values."""
+    told = confirmed.to_json()["effects"]
+    return {
+        "run_id": first.traced.table.provenance["run_id"],
+        "by_run_id": ", ".join(run_table(path).provenance["run_id"] for path in confirmed.paths),
+        "effects": [
+            {
+                "named": answer.effect,
+                "verdict": answer.verdict,
+                "holds": list(answer.holding),
+                "told": _verdict(answer),
+                "used": _used(answer),
+                "evidence": evidence(answer) or one["sentence"],
+                "members": one["members"],
+            }
+            for answer, one in zip(confirmed.answers, told, strict=True)
+        ],
+    }
+
+
+def _verdict(answer: Confirmation) -> str:
+    if answer.verdict == "replaced":
+        return f"{answer.effect}: replaced by {answer.holding[0]} by the follow-up run"
+    return f"{answer.effect}: {answer.verdict} by the follow-up run"
+
+
+def _used(answer: Confirmation) -> str:
+    """Sentence about an effect's class in the calibration."""
+    if answer.verdict in SETTLED:
+        return f"{_verdict(answer)}; the calibration has {answer.holding[0]} alone"
+    if answer.verdict == "undecided":
+        return f"{_verdict(answer)}; intervals cover {', '.join(answer.holding)}"
+    if answer.verdict == "not shown":
+        return f"{_verdict(answer)}; intervals cover every cause that the first run cannot separate"
+    return (
+        f"{_verdict(answer)}: none of its causes holds in both runs; the calibration uses the first run, intervals "
+        "cover every cause that it cannot separate and may still be invalid"
+    )

@@ -1,0 +1,140 @@
+"""Fits of runs with a register of equipment: corrected by certificates, with influences kept for use."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rig.errors import ConfigurationError, UsageError
+from rig.procedures.errors import DataError
+from rig.procedures.present.shell import shell_word
+from rig.register import DOCUMENT
+from rig.run_file.reader import RunReader
+from rig.tables import FileSource, is_run, run_table
+from rig.verbs.budget.evaluation import OfRun, run_with_register
+from rig.verbs.data.kept import REPEATABILITY, budget_section
+
+if TYPE_CHECKING:
+    from rig.procedures.tables.table import Table
+
+
+@dataclass(frozen=True)
+class Corrected:
+    """A run with the corrections of its certificates. See `rig.procedures.evaluate.results.Source`.
+
+    Attributes:
+        name: for messages.
+        table: the corrected table.
+    """
+
+    name: str
+    table: Table
+
+    @property
+    def is_run(self) -> bool:
+        """True: only runs have corrections."""
+        return True
+
+    def read(self, needed: Collection[str]) -> Table:
+        """The table, which has all columns."""
+        return self.table
+
+    @property
+    def understood(self) -> Mapping[str, Any]:
+        """A run file needs no interpretation."""
+        return {}
+
+
+@dataclass(frozen=True)
+class Registered:
+    """The register of the data to be fitted.
+
+    Attributes:
+        run: the run with its register; None without one.
+        why: why there is none.
+        equipment: the given register, in place of those of the runs; None if there is none.
+    """
+
+    run: OfRun | None
+    why: str
+    equipment: Path | None = None
+
+    @property
+    def source(self) -> Any:
+        """The corrected run."""
+        assert self.run is not None
+        return Corrected(self.run.table.source, self.run.table)
+
+    def table_of(self, path: Path) -> Table:
+        """The table of another run file, which is corrected if this one is.
+
+        Raises:
+            UsageError: it is no run file, or this run is corrected and that one has no register.
+            ConfigurationError: its register cannot be used.
+        """
+        return run_table(path) if self.run is None else run_with_register(path, self.equipment).table
+
+    def uncertainty(self, given: Mapping[str, Any], others: Sequence[str], *, keep: bool) -> Uncertainty:
+        """Uncertainties of a fit, with influences for its use if it is kept.
+
+        Args:
+            given: options of its kind.
+            others: further options that were given.
+            keep: whether it is written to a file.
+        """
+        if self.run is None:
+            return Uncertainty(f"{REPEATABILITY}: {self.why}")
+        known = self.run.kind.budget_options.model_fields
+        beyond = [*others, *(f"--{name.replace('_', '-')}" for name in given if name not in known)]
+        if beyond:
+            return Uncertainty(f"{REPEATABILITY}: influences are those of a fit without {', '.join(beyond)}")
+        if not keep:
+            return Uncertainty(f"{REPEATABILITY}: rig budget {shell_word(self.run.table.source)} gives uncertainties")
+        try:
+            section = budget_section(self.run, {name: given[name] for name in known if name in given})
+        except DataError as error:
+            return Uncertainty(f"{REPEATABILITY}: {error}")
+        return Uncertainty(f"{REPEATABILITY} here; rig infer adds the influences of the register", section)
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Uncertainties that the intervals of a fit have.
+
+    Attributes:
+        words: that they are repeatability only, and why or where there are others.
+        section: influences for its use; None without.
+    """
+
+    words: str = ""
+    section: Mapping[str, Any] | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Further JSON values of the fit."""
+        more = {} if self.section is None else {"budget": self.section}
+        return {"uncertainty": self.words, **more} if self.words else more
+
+
+def registered(source: FileSource, equipment: Path | None) -> Registered:
+    """The run of a source with its register.
+
+    Raises:
+        UsageError: a register was given for something that is no run.
+        ConfigurationError: the given register cannot be used.
+    """
+    if not is_run(source.path):
+        if equipment is not None:
+            raise UsageError(f"--equipment is for run files, and {source.path} is a table")
+        return Registered(None, "a table has no register of equipment")
+    if equipment is not None:
+        return Registered(run_with_register(source.path, equipment), "", equipment)
+    with RunReader.open(source.path) as reader:
+        has_one = DOCUMENT in reader.documents()
+    if not has_one:
+        return Registered(None, "the run has no register of equipment (docs/how_to/register.md)")
+    try:
+        return Registered(run_with_register(source.path), "")
+    except ConfigurationError as error:
+        return Registered(None, f"its register of equipment cannot be used: {error}")

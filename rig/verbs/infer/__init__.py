@@ -1,0 +1,101 @@
+"""Calibrations in use: measured quantities inferred from outputs, with standard deviations and 95 % intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rig.errors import UsageError
+from rig.procedures.evaluate.agreement import compared
+from rig.procedures.evaluate.inference import Inference
+from rig.procedures.evaluate.results import Options
+from rig.procedures.tables.table import Reader, Table
+from rig.tables import Asked, read_gappy_csv
+from rig.tables.of_others.asked import NOTHING
+from rig.verbs.infer.calibration_file import CalibrationFile, calibration_in, read_calibration
+from rig.verbs.infer.total import REPEATABILITY_ONLY, with_total
+
+__all__ = ["CalibrationFile", "CsvReader", "Inference", "calibration_in", "csv_reader", "infer", "read_calibration"]
+
+
+def infer(file: CalibrationFile, read: Reader, options: Options, *, same_meter: bool = False) -> Inference:
+    """Infer the measured quantities of a calibration from a table.
+
+    Args:
+        file: the calibration.
+        read: reads the table, in which values may be missing.
+        options: as the calibration's kind declares them.
+        same_meter: whether the meter of the calibration's run reads the sensors, with the same errors.
+
+    Raises:
+        UsageError: the table cannot be read, or the calibration does not know the errors of that meter.
+        rig.procedures.errors.DataError: a column is missing, or a value cannot be used.
+    """
+    if file.budget is None and same_meter:
+        raise UsageError("--same-meter needs a calibration with influences: rig fit RUN --equipment FILE --out ...")
+
+    files: dict[Path, Reader] = {}
+
+    def kept(path: Path) -> Reader:
+        return files.setdefault(path, once(csv_reader(path)))
+
+    def by(calibration: Any, table: Reader, other: Callable[[Path], Reader]) -> Inference:
+        return file.kind.infer(calibration, table, options, other)
+
+    read = once(read)
+    found = by(file.calibration, read, kept)
+    if file.budget is None:
+        found = replace(found, notes=(REPEATABILITY_ONLY, *found.notes))
+    else:
+        found = with_total(found, file.budget, file.kind, file.calibration, by, read, kept, same_meter=same_meter)
+    found = compared(found)
+    if file.incomplete:
+        found = replace(found, notes=(f"the calibration is of an incomplete run: {file.incomplete}", *found.notes))
+    found = replace(found, notes=(*file.notes, *found.notes))
+    if file.simulated and "simulated" not in found.columns:
+        rows = len(next(iter(found.columns.values())))
+        found = replace(found, columns={**found.columns, "simulated": np.ones(rows)})
+    return found
+
+
+def once(read: Reader) -> Reader:
+    """The same table for the same columns, read once: a calibration with influences infers from it many times."""
+    tables: dict[tuple[str, ...], Table] = {}
+
+    def kept(needed: Collection[str]) -> Table:
+        asked = tuple(needed)
+        if asked not in tables:
+            tables[asked] = read(needed)
+        return tables[asked]
+
+    return kept
+
+
+@dataclass
+class CsvReader:
+    """Reads a CSV file in which values may be missing.
+
+    Attributes:
+        path: the file.
+        asked: declarations of the user about it.
+        understood: how a table of others was read; {} for our own, and before it is read.
+    """
+
+    path: Path
+    asked: Asked = NOTHING
+    understood: Mapping[str, Any] = field(default_factory=dict)
+
+    def __call__(self, needed: Collection[str]) -> Table:
+        """The table. Raises `UsageError`."""
+        table = read_gappy_csv(self.path, needed, self.asked)
+        self.understood = table.understood
+        return table
+
+
+def csv_reader(path: Path) -> Reader:
+    """Reads a CSV file in which values may be missing."""
+    return CsvReader(path)

@@ -1,0 +1,83 @@
+"""Facts that the register of equipment tells of a plan: due dates, gaps, conditions of certificates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import date
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rig.errors import ConfigurationError
+from rig.register import DOCUMENT, absent, check_validity, entries, holds_of, parse_register
+
+if TYPE_CHECKING:
+    from rig.fitter.arrays import FloatArray
+    from rig.register.surroundings import Holds
+    from rig.runs.plans import Plan
+
+
+def settled(plan: Plan) -> dict[str, FloatArray]:
+    """Thermometers of the enclosure and of the package, at the temperature that the plan keeps there."""
+    wanted = plan.procedure.conduct.environment
+    inside = [name for name, one in plan.bench.temperatures.items() if one.place in ("enclosure", "package")]
+    return {} if wanted is None else {name: np.array([wanted.setpoint_degC]) for name in inside}
+
+
+def not_stated(plan: Plan) -> list[str]:
+    """Sentences of a certificate on facts that the register does not state, or that the bench does not record."""
+    if DOCUMENT not in plan.documents:
+        return []
+    register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
+    return [*absent(register, plan.bench), *(one.not_recorded() for one, by in _surroundings(plan) if not by)]
+
+
+def surroundings(plan: Plan) -> list[str]:
+    """Conditions under which certificates of the equipment hold, and what tells of each, one sentence each."""
+    return [f"certificate of {one.asset} holds at {one.words}: {by}" for one, by in _surroundings(plan) if by]
+
+
+def _surroundings(plan: Plan) -> Iterator[tuple[Holds, str]]:
+    """Conditions of certificates, and what will tell of each; "" for nothing."""
+    if DOCUMENT not in plan.documents:
+        return
+    asked = {step.value for step in plan.run_list.steps}
+    known = {factor.name for factor in plan.run_list.factors} | settled(plan).keys()
+    for one in holds_of(parse_register(plan.documents[DOCUMENT], DOCUMENT), plan.bench):
+        names = one.columns(plan.bench)
+        told = [f"{name}, which the plan sets within it" for name in names if name in known]
+        told += [f"{name} will tell, after the run" for name in names if name not in known]
+        told += [f"a person states {one.quantity} in the run"] if one.by_hand & asked else []
+        yield one, "; ".join(told)
+
+
+def beside(plan: Plan) -> list[str]:
+    """Equipment of the register that nothing on the bench names."""
+    if DOCUMENT not in plan.documents:
+        return []
+    register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
+    named = {one.asset for _, one in entries(plan.bench)}
+    return [asset for asset in register.equipment if asset not in named]
+
+
+def registered(plan: Plan) -> set[str]:
+    """Asset numbers of the register."""
+    return set(parse_register(plan.documents[DOCUMENT], DOCUMENT).equipment) if DOCUMENT in plan.documents else set()
+
+
+def expired(plan: Plan, first: date, on: date) -> list[str]:
+    """Certificates that will not be valid from the first to the last date, a sentence each: no budget is then made.
+
+    Those whose date is in the bench file, too, are left to it.
+    """
+    if DOCUMENT not in plan.documents:
+        return []
+    register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
+    told = {one.asset for _, one in entries(plan.bench) if getattr(one, "due", None) is not None}
+    other = {asset: one for asset, one in register.equipment.items() if asset not in told}
+    try:
+        check_validity(register.model_copy(update={"equipment": other}), plan.bench, DOCUMENT, first, on)
+    except ConfigurationError as error:
+        lines = str(error).replace("the run ended on", "this run would end on").splitlines()
+        return [line.replace("the run began on", "this run would begin on") for line in lines]
+    return []

@@ -1,0 +1,1 @@
+"""`rig run`: a procedure carried out on a bench; `rig status`: the state of a run."""
