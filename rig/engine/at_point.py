@@ -38,7 +38,6 @@ from rig.engine.standing import commanded
 from rig.engine.steering import Steering, overshot
 from rig.engine.wellness import Wellness
 from rig.instruments.opening import Bench
-from rig.lost_digits import LostDigits, lost_digit
 from rig.procedures.column_names import spelled, unit_of
 from rig.procedures.plan.conduct import Conduct
 from rig.procedures.plan.run_list import Point, RunList
@@ -46,6 +45,7 @@ from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import ACCEPTED, CONTRADICTORY, REJECTED, Observed, readings_of
 from rig.run_file.events.sessions import Held
+from rig.run_file.lost_digits import LostDigits, lost_digit
 from rig.run_file.own_scatter import KEPT, OwnScatter
 
 _MOVE_TIMEOUT_S = 600.0

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 
 from rig.errors import RigError, UsageError
-from rig.runs.plans import has_plan, stored_plan
-from rig.procedures.present.blocks import Block, Line
 from rig.procedures.errors import DataError
 from rig.procedures.kind import Procedure
 from rig.procedures.kinds import kind_of
+from rig.procedures.present.blocks import Block, Line
 from rig.run_file.reader import RunReader
+from rig.runs.plans import has_plan, stored_plan
 
 if TYPE_CHECKING:
     from rig.procedures.evaluate.acceptance import Verdict

@@ -17,9 +17,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rig.instruments.opening import Bench, identities, open_bench
 from rig.bench.bench_file import check_options
-from rig.files.disk_space import check_may_write, check_room
 from rig.drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from rig.drivers.errors import DriverError
 from rig.engine.axes import own_limits
@@ -30,12 +28,13 @@ from rig.engine.sequencer import Sequencer
 from rig.engine.session import Nobody, Observer, Outcome, Progress, Session, Signals
 from rig.engine.states import State
 from rig.errors import BenchFault, UsageError
+from rig.files.disk_space import check_may_write, check_room
+from rig.files.regular import real_path
 from rig.instruments.locks import locked_addresses
+from rig.instruments.opening import Bench, identities, open_bench
 from rig.instruments.person import ServedBench
-from rig.runs.plans import PREVIOUS, Plan, stored_plan
 from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT
-from rig.files.regular import real_path
 from rig.run_file.bodies import COUNT
 from rig.run_file.creation import Genesis, create
 from rig.run_file.elsewhere import goes_on_in
@@ -43,6 +42,7 @@ from rig.run_file.live import controller_alive, live_path, read_json
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, fold
 from rig.run_file.writer import RunWriter
+from rig.runs.plans import PREVIOUS, Plan, stored_plan
 from rig.version import versions
 from rig.who import Operator, operator
 

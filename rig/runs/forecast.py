@@ -18,23 +18,23 @@ from typing import TYPE_CHECKING, Any
 
 from rig.bench.bench_file import playing
 from rig.bench.config import FOLLOWS_S, BenchConfig
-from rig.runs.controller import Result, Site, opened, start_run
+from rig.bench.plugins import driver_class
+from rig.bench.quantities import TEMPERATURE_UNIT
 from rig.drivers.roles import Chamber, Source
 from rig.engine.pace import Pace, follows_s
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
-from rig.bench.plugins import driver_class
-from rig.procedures.plan.by_hand import ALLOWANCE_H, HandStep
 from rig.procedures.column_names import unit_of
+from rig.procedures.plan.by_hand import ALLOWANCE_H, HandStep
 from rig.procedures.plan.run_list import RunList
-from rig.bench.quantities import TEMPERATURE_UNIT
 from rig.run_file.events.points import Observed, WholePlotBegan
 from rig.run_file.reader import RunReader
 from rig.run_file.unsynced import unsynced
+from rig.runs.controller import Result, Site, opened, start_run
 
 if TYPE_CHECKING:
-    from rig.instruments.opening import Bench
     from rig.drivers.clock import Clock
+    from rig.instruments.opening import Bench
     from rig.runs.plans import Plan
 
 ALLOWANCE = 0.05

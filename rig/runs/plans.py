@@ -11,15 +11,15 @@ from rig.bench.bench_file import check_options
 from rig.bench.config import BenchConfig, InstrumentConfig, parse_bench, parse_procedure, parse_toml, read_text
 from rig.bench.contract_files import files_beside, read_bench, with_contracts, with_files
 from rig.errors import ConfigurationError, RigError, UsageError
+from rig.files.toml_text import toml_text
 from rig.fitter.errors import FitError
-from rig.runs.matching import check_match, check_names
 from rig.procedures.kind import Completed, Procedure
 from rig.procedures.kinds import kind_of
 from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT, check_register, parse_register, register_beside
 from rig.run_file.bodies import shown
 from rig.run_file.events.sessions import Identified
-from rig.files.toml_text import toml_text
+from rig.runs.matching import check_match, check_names
 
 if TYPE_CHECKING:
     from pydantic import BaseModel

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from rig.errors import UsageError
-from rig.fitter.errors import FitError
-from rig.verbs.infer import read_calibration
-from rig.procedures.errors import DataError
-from rig.procedures.plan.expected import Expecting, Previous
-from rig.procedures.kinds import kinds
 from rig.files.regular import read_regular_text
+from rig.fitter.errors import FitError
+from rig.procedures.errors import DataError
+from rig.procedures.kinds import kinds
+from rig.procedures.plan.expected import Expecting, Previous
+from rig.verbs.infer import read_calibration
 
 
 def read_previous(path: Path) -> Previous:

@@ -8,10 +8,10 @@ from itertools import pairwise
 from typing import Any
 
 from rig.bench.scatter import MostScatter, most_scatter, noisiest, without_limit
-from rig.lost_digits import LostDigits
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import CONTRADICTORY, Observed, readings_of
+from rig.run_file.lost_digits import LostDigits
 from rig.run_file.own_scatter import OwnScatter
 from rig.run_file.sense.case import Case
 from rig.run_file.state import RunState

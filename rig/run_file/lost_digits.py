@@ -5,7 +5,7 @@ decimals nobody knows how many digits stand before the point. So a point is comp
 setting: a quantity that has changed by a whole number in its first place, and is smaller than that place now,
 contradicts it. That may be a change of the quantity itself by chance, so the point is read again first.
 
-It follows from the last `rig.run_file.own_scatter.KEPT` accepted observations, so that a resumed run decides as if it had never
+It follows from the last `own_scatter.KEPT` accepted observations, so that a resumed run decides as if it had never
 stopped.
 """
 
@@ -89,7 +89,8 @@ class LostDigits:
     def _words(self, name: str, less: Sequence[float], more: Sequence[float]) -> str:
         value, whole = (math.fsum(readings) / len(readings) for readings in (less, more))
         unit = spelled(unit_of(name))
-        return f"{name} reads {value:.6g} {unit}, and {whole:.6g} {unit} at the same setting, as if a first digit were lost"
+        then = f"{whole:.6g} {unit} at the same setting"
+        return f"{name} reads {value:.6g} {unit}, and {then}, as if a first digit were lost"
 
 
 def lost_digit(value: float, whole: float, least: float = 0.0) -> bool:
