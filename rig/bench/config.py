@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from datetime import date
 from math import isfinite
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal, Self, TypeVar, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -398,13 +399,21 @@ def validated(
         raise ConfigurationError(explain(error, where, model, shown=shown)) from (error if shown else None)
 
 
-def due_dates(config: BenchConfig) -> Iterator[tuple[str, str, date | None]]:
+def due_dates(
+    config: BenchConfig, known: Mapping[str, date | None] = MappingProxyType({})
+) -> Iterator[tuple[str, str, date | None]]:
     """Due dates of calibrations: kind of entry ("instrument", "reference"), names in words, and date; once an asset.
 
     Entries of one asset number with one date are one line. One without a date is none, if another of its asset has one.
+
+    Args:
+        config: the bench.
+        known: dates by asset number, as a register states them, of entries that have none in the bench file.
     """
-    every = [("instrument", name, one.asset, one.due) for name, one in config.instruments.items()]
-    every += [("reference", name, one.asset, one.due) for name, one in config.references.items()]
+    named = (("instrument", config.instruments), ("reference", config.references))
+    every = [
+        (kind, name, one.asset, one.due or known.get(one.asset)) for kind, all_ in named for name, one in all_.items()
+    ]
     dated = {asset for _, _, asset, due in every if due is not None}
     lines: dict[tuple[str, str, date | None], list[str]] = {}
     for kind, name, asset, due in every:

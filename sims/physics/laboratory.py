@@ -156,6 +156,7 @@ class Laboratory:
         self._units = {name: str(tables[name].get("unit", "V")) for name in self.sensors}
         self._formulas: dict[str, tuple[Formula, ...]] = {}
         self._standards: dict[str, Formula] = {}
+        self._errors: dict[str, Formula] = {}
         self._undone: dict[str, Formula] = {}
         self._quantities: dict[str, Formula] = {}
         self._set_by: dict[str, str] = {}
@@ -194,6 +195,8 @@ class Laboratory:
             if not text and of_bench:
                 self._undone[factor] = Formula.parse(str(of_bench), where, {"reading"})
             self._standards[factor] = Formula.parse(text or factor, where, known)
+            if error := self._truth.references.get(factor, StandardTruth()).error:
+                self._errors[factor] = Formula.parse(error, f"references.{factor}.error", known)
 
     def source(self, instrument: str) -> Source:
         """The quantity behind a source of the bench."""
@@ -318,7 +321,10 @@ class Laboratory:
 
     def standard(self, factor: str, t0: float, t1: float, *, noisy: bool) -> float:
         """Reading of the channel of a reference standard over a window."""
-        value = self._standards[factor].value(self._variables((t0 + t1) / 2.0))
+        given = self._variables((t0 + t1) / 2.0)
+        value = self._standards[factor].value(given)
+        if factor in self._errors:
+            value += self._errors[factor].value(given)
         if factor in self._undone:
             value = _solved(self._undone[factor], value)
         sd = self._truth.references.get(factor, StandardTruth()).noise

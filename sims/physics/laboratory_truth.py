@@ -107,10 +107,13 @@ class StandardTruth:
         formula: reading of its channel, from true values of factors; "" for the one that the formula of the bench file
             makes the factor. Of a quantity that a factor sets in another unit (`of` in the bench file) it is the true
             value, from those of factors; "" for the number that was set.
+        error: how much more it reads, from true values of factors; in the unit of `formula`, or of the factor if that
+            is "" or of a quantity with `of`. "" for none.
         noise: standard deviation of a mean over 1 s.
     """
 
     formula: str = field(default="", metadata=accepts(Text()))
+    error: str = field(default="", metadata=accepts(Text()))
     noise: float = quantity(0.0, 0.0, 1e9)
 
 

@@ -164,6 +164,48 @@ def test_a_world_may_have_a_lag_of_it():
     assert lab._variables(1060.0)["late"] == pytest.approx((flow[0] - flow[1]) * np.exp(-1.0), rel=1e-6)
 
 
+@pytest.mark.parametrize("formula", ["", 'formula = "reading*2"\n'])
+def test_a_world_may_give_a_standard_an_error_of_its_own(formula):
+    """The sensors follow the flow; the standard reads 1 % and 0.01 kg/min more than flows, whatever its formula."""
+    bench = parse_toml(BENCH + formula, "bench")
+    world = parse_toml(WORLD.replace("noise = 0.0002", 'error = "0.01 + 0.01*flow_kg_per_min"'), "world")
+    lab = Laboratory(read_truth(world, sensor_axes(bench)), bench, Lab(LabTruth(), 0.0), 0.0, {})
+    lab.source("valve").set(0.0, 4.0)
+    flow = 0.5 * 4.0 - 0.012 * 4.0**2
+    told = lab.standard("flow_kg_per_min", 900.0, 901.0, noisy=True) * (2.0 if formula else 1.0)
+    assert told == pytest.approx(1.01 * flow + 0.01, rel=1e-9)
+    assert lab.clean("mfs", 900.0, 901.0) == pytest.approx(50 + 180 * flow - 3 * flow**2 + 0.15 * flow**3, rel=1e-9)
+
+
+def test_a_wrong_variable_of_that_error_is_said_by_plan(folder, tmp_path):
+    (tmp_path / "world.toml").write_text(WORLD.replace("noise = 0.0002", 'error = "0.01*flow"'))
+    told = rig("plan", folder / "procedure.toml", "--bench", folder / "bench.toml", "--world", tmp_path / "world.toml")
+    assert told.returncode == 78
+    assert "references.flow_kg_per_min.error: flow is not known here" in told.stderr
+
+
+@pytest.mark.parametrize(
+    ("world", "says"),
+    [
+        ('[lags.creep]\nof = "force_kN"\n', "lags.creep.of = 'force_kN' is none of this bench"),
+        ('[draws.seat]\nof = "force_kN"\n', "draws.seat.of = 'force_kN' is none of this bench"),
+        ('[sensors.other]\nformula = "1"\n', "sensors.other is not known"),
+        ("[sources.force_kN]\nrest = 1\n", "force_kN"),
+        ('[sensors.mfs]\nformula = "force_kN"\n', "sensors.mfs.formula: force_kN is not known here"),
+    ],
+)
+def test_a_world_that_does_not_fit_the_bench_is_refused_by_plan_with_its_name(folder, tmp_path, world, says):
+    text = WORLD[: WORLD.index("[sensors.mfs]")] if "[sensors.mfs]" in world else WORLD
+    (tmp_path / "stranger.toml").write_text(text + world)
+    planned = rig(
+        "plan", folder / "procedure.toml", "--bench", folder / "bench.toml", "--world", tmp_path / "stranger.toml"
+    )
+    assert planned.returncode == 78
+    assert planned.stderr.startswith("rig: ")
+    assert "stranger.toml: " in planned.stderr
+    assert says in planned.stderr
+
+
 def test_what_a_factor_sets_itself_is_not_read_of_another():
     twice = BENCH.replace('valve_V = "valve"', 'valve_V = "valve"\nflow_kg_per_min = "valve"')
     with pytest.raises(ConfigurationError, match=r"and factors\.flow_kg_per_min sets it itself"):

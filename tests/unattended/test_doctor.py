@@ -374,3 +374,21 @@ def test_no_check_waits_for_a_person_or_starts_a_thread(tmp_path, quiet):
     before = threading.active_count()
     rig("doctor", "--out", tmp_path, env=quiet)
     assert threading.active_count() == before
+
+
+def test_a_due_date_that_the_register_states_is_found_there(tmp_path):
+    """The bench file has none; the weights' is over, the voltmeter's is not, and of the lamp nobody states one."""
+    text = '[instruments.x]\ndriver = "keysight-34401a"\naddress = "/dev/x"\nasset = "M-1"\n'
+    for name, asset in (("operator", "W-1"), ("lamp", "L-1")):
+        text += f'[instruments.{name}]\ndriver = "person"\nasset = "{asset}"\n'
+    (tmp_path / "bench.toml").write_text(f'name = "b"\n{text}[sensors.s]\nreader = "x"\n')
+    certificate = '[equipment.{0}.certificate]\nnumber = "n"\nlaboratory = "l"\ndate = 2020-01-01\ndue = {1}\n'
+    certificates = certificate.format("M-1", "2999-01-01") + certificate.format("W-1", "2020-06-01")
+    (tmp_path / "equipment.toml").write_text(f'name = "r"\n[laboratory]\nname = "l"\naddress = "a"\n{certificates}')
+    done = rig("doctor", "--bench", tmp_path / "bench.toml", "--dry", "--json")
+    told = {
+        one["check"]: one["found"] for one in json.loads(done.stdout)["findings"] if "calibration of" in one["check"]
+    }
+    assert told["calibration of x"] == "is due on 2999-01-01"
+    assert told["calibration of operator"].startswith("was due on 2020-06-01")
+    assert told["calibration of lamp"] == "no due date in the bench file or its register of equipment"

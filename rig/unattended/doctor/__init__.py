@@ -16,7 +16,7 @@ from rig.bench.contract_files import read_bench
 from rig.drivers.clock import RealClock
 from rig.errors import RigError, UsageError
 from rig.procedures.present.durations import duration
-from rig.register import parse_register, register_beside
+from rig.register import DOCUMENT, Register, parse_register, register_beside
 from rig.run_file.live import controller_alive
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, read_state
@@ -86,8 +86,7 @@ def examine(visit: Visit) -> Iterator[Finding]:
         yield from _caught(_instruments(visit, patient), "bench")
     if patient.config is not None:
         yield from check_guards(patient.config)
-        yield from check_due(patient.config, now_s, patient.end_s)
-        yield from _caught(_register(visit, patient.config), "register of equipment")
+        yield from _caught(_calibrations(visit, patient, patient.config, now_s), "register of equipment")
     yield from check_disk(visit.out if visit.run is None else visit.run.parent, patient.left)
     newest = None if patient.state is None or patient.state.simulated else patient.state.utc_s
     yield from check_clock(now_s, patient.end_s, newest)
@@ -175,11 +174,27 @@ def _instruments(visit: Visit, patient: _Patient) -> Iterator[Finding]:
         yield from check_instruments(patient.config, known, visit.run)
 
 
-def _register(visit: Visit, config: BenchConfig) -> Iterator[Finding]:
-    """Errors that the register of a bench file does not state, and statements that belong to nothing."""
-    found = register_beside(config, visit.bench) if visit.bench is not None else None
-    if found is not None:
-        yield from check_stated(config, parse_register(found[1], str(found[0])), RealClock().utc())
+def _calibrations(visit: Visit, patient: _Patient, config: BenchConfig, now_s: float) -> Iterator[Finding]:
+    """Due dates of calibrations; of the register of a bench file also errors that it lacks, and statements of nothing.
+
+    Without a register that can be read, dates are those of the bench file.
+    """
+    register = None
+    try:
+        register = _register(visit, patient, config)
+    finally:
+        yield from check_due(config, now_s, patient.end_s, register)
+    if register is not None and visit.bench is not None:
+        yield from check_stated(config, register, now_s)
+
+
+def _register(visit: Visit, patient: _Patient, config: BenchConfig) -> Register | None:
+    """The register of the bench file, or of the run; None if there is none."""
+    if visit.bench is not None:
+        found = register_beside(config, visit.bench)
+        return None if found is None else parse_register(found[1], str(found[0]))
+    text = {} if patient.plan is None else patient.plan.documents
+    return parse_register(text[DOCUMENT], DOCUMENT) if DOCUMENT in text else None
 
 
 def _facts(visit: Visit, patient: _Patient) -> RunFacts:

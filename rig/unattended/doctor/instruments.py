@@ -127,13 +127,22 @@ def _identity(
     return ok(name, text if found.confirmed else f"{text}; known by asset number {declared.asset}")
 
 
-def check_due(config: BenchConfig, now_s: float, end_s: float | None) -> Iterator[Finding]:
-    """Findings about calibrations of instruments and reference standards: overdue, or due before the run ends."""
+def check_due(
+    config: BenchConfig, now_s: float, end_s: float | None, register: Register | None = None
+) -> Iterator[Finding]:
+    """Findings about calibrations of instruments and reference standards: overdue, or due before the run ends.
+
+    Dates that the bench file does not state are those of the register's certificates.
+    """
     today = datetime.fromtimestamp(now_s, UTC).astimezone().date()
     last = today if end_s is None else datetime.fromtimestamp(end_s, UTC).astimezone().date()
-    for kind, names, due in due_dates(config):
+    equipment = {} if register is None else register.equipment
+    known = {asset: one.certificate.due for asset, one in equipment.items() if one.certificate is not None}
+    nowhere = f"no due date in the bench file{'' if register is None else ' or its register of equipment'}"
+    for kind, names, due in due_dates(config, known):
         of = "the reference standard of " if kind == "reference" else ""
-        yield _due(f"calibration of {of}{names}", due, today, last)
+        check = f"calibration of {of}{names}"
+        yield ok(check, nowhere) if due is None else _due(check, due, today, last)
 
 
 def check_stated(config: BenchConfig, register: Register, now_s: float) -> Iterator[Finding]:
@@ -151,10 +160,8 @@ def check_stated(config: BenchConfig, register: Register, now_s: float) -> Itera
         yield ok(name, "it states errors of every output and reference standard")
 
 
-def _due(check: str, due: date | None, today: date, last: date) -> Finding:
+def _due(check: str, due: date, today: date, last: date) -> Finding:
     advice = "have it calibrated first: its measurements are not traceable"
-    if due is None:
-        return ok(check, "no due date in the bench file")
     if due < today:
         return problem(check, f"was due on {due}, {(today - due).days} days ago", advice)
     if due <= last:

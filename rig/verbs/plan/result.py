@@ -315,6 +315,8 @@ def plan(
     checked = load_plan(
         Path(procedure), Path(bench), dry=world is not None, world=None if world is None else Path(world)
     )
+    if world is not None:
+        _check_world(checked, str(world))
     try:
         precise = kind_of(checked.procedure).precision(checked.procedure, checked.run_list)
     except FitError as error:
@@ -330,6 +332,13 @@ def plan(
     disk = shutil.disk_usage(existing).free, needed_bytes(len(checked.run_list))
     ends = now + timedelta(seconds=forecast.latest_s)
     return Plan(checked, precise, advice, forecast, now, disk, promised(checked, ends.date()))
+
+
+def _check_world(checked: Checked, world: str) -> None:
+    """Refuse a world file that does not fit the bench, as the dry run would. Raises `ConfigurationError`."""
+    from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - few plans are of dry runs
+
+    DryBench(checked.bench, checked.truth, where=world).close()
 
 
 def _now(checked: Checked) -> datetime:
