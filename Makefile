@@ -1,7 +1,7 @@
 # The README's commands. Each makes or reuses .venv first: nothing to install by hand.
 STAMP := .venv/.made-for-these-requirements
 
-.PHONY: demo test test-all test-peers test-kernels test-page check nights mutants figures campaigns figure bench clean
+.PHONY: demo test test-all test-peers test-kernels test-page check nights mutants figures campaigns figure bench docs clean
 demo: $(STAMP)
 	@.venv/bin/rig demo
 
@@ -60,6 +60,10 @@ endif
 # Ratios against peers and physical limits beside the last ones on this kind of machine, and what made a loss.
 bench: $(STAMP)
 	@.venv/bin/python -m benchmarks.ledger
+
+# The site of the documents, in build/docs; a minute, and the first time it installs Sphinx.
+docs: $(STAMP)
+	@tools/docs
 
 # Static checks alone, for a quick look while editing.
 check: $(STAMP)

@@ -82,6 +82,10 @@ class Formula:
 
         Raises:
             FormulaError: it violates the grammar; the message marks the place.
+
+        Example:
+            >>> str(Formula.parse("1 + force_kN*temperature_degC"))
+            '1 + force_kN + temperature_degC + force_kN:temperature_degC'
         """
         return Formula(tuple(sorted(parse_terms(text), key=len)))
 

@@ -12,12 +12,17 @@ DISTINGUISHED = 0.9973
 
 
 def t_limit(level: float, df: float) -> float:
-    """Two-tailed limit of Student's t: |t| is below it with probability `level`, for `df` degrees of freedom."""
+    """Two-tailed limit of Student's t: `|t|` is below it with probability `level`, for `df` degrees of freedom.
+
+    Example:
+        >>> round(t_limit(0.95, 10), 3)
+        2.228
+    """
     return float(special.stdtrit(df, 0.5 * (1.0 + level)))
 
 
 def t_tail(t: float, df: float) -> float:
-    """Two-tailed probability of exceeding |t| with `df` degrees of freedom."""
+    """Two-tailed probability of exceeding `|t|` with `df` degrees of freedom."""
     return float(2.0 * special.stdtr(df, -abs(t)))
 
 

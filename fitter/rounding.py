@@ -78,6 +78,10 @@ def rounded(value: float, uncertainty: float, digits: int = DIGITS) -> Rounded:
     Raises:
         FitError: a number is not finite, or the uncertainty not positive.
 
+    Example:
+        >>> rounded(5.0012345, 0.000117).text
+        '5.00123 ± 0.00012'
+
     """
     least = rounded_uncertainty(uncertainty, digits)
     return Rounded(rounded_to(value, _place(least)), least)

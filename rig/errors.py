@@ -11,17 +11,63 @@ from enum import IntEnum
 
 
 class ExitCode(IntEnum):
-    """Exit code of the command line; `docs/reference/exit_codes.md` explains each."""
+    """Exit code of the command line.
 
-    DONE = 0
-    FAULT = 1
-    USAGE = 2
-    OUTSIDE_ACCEPTANCE = 3
-    STOPPED = 4
-    UNSAFE = 5
-    RUNNING = 6
-    INTERRUPTED = 75
-    CONFIGURATION = 78
+    Attributes:
+        meaning: what a code says.
+        next: what to do then. Both are in docs/reference/exit_codes.md, which is generated.
+    """
+
+    meaning: str
+    next: str
+
+    def __new__(cls, value: int, meaning: str, next: str) -> ExitCode:  # noqa: A002 - what to do next
+        """A code with its meaning and what to do."""
+        code = int.__new__(cls, value)
+        code._value_, code.meaning, code.next = value, meaning, next
+        return code
+
+    DONE = 0, "done", ""
+    FAULT = (
+        1,
+        "fault: an instrument, the disk or a damaged run file; the bench is in its safe state",
+        "read the message; correct the cause; `rig resume RUN`",
+    )
+    USAGE = (
+        2,
+        "usage: an option, a file or a table that cannot be used, or a bench or run in use by another controller",
+        "the message names file, row, column and permitted values; nothing was changed",
+    )
+    OUTSIDE_ACCEPTANCE = (
+        3,
+        "done, but outside the acceptance limits of the procedure; or more than a tenth of the points were lost; "
+        "`rig fit --tolerance`: an inferred value is less certain; `rig confirm`: several explanations remain, or "
+        "none, or the further run cannot show the effect",
+        "the run is complete and valid; see `rig trace RUN --report`, for lost points `rig status RUN`",
+    )
+    STOPPED = 4, "stopped by `rig stop`, parked", "`rig resume RUN` when ready"
+    UNSAFE = (
+        5,
+        "fault, and the safe state of some instrument was NOT reached or not confirmed by its readback",
+        "check the bench on site; then as for 1",
+    )
+    RUNNING = (
+        6,
+        "`rig status --check` only: a controller is running on it, or holding",
+        "wait, or `rig hold`, `rig release`, `rig stop`",
+    )
+    INTERRUPTED = (
+        75,
+        "`rig run`, `rig resume`: interrupted (SIGINT, SIGTERM, SIGHUP of a closed terminal), motion stopped, nothing "
+        "lost, outputs as declared by [`[safety] on_stop`](files.md#safety); or nobody did a step by hand in time, "
+        "parked",
+        "`rig resume RUN`",
+    )
+    CONFIGURATION = (
+        78,
+        "bad configuration: bench, procedure or world file",
+        "the message names the place; nothing has moved",
+    )
 
 
 class RigError(Exception):

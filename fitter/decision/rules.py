@@ -120,6 +120,13 @@ def decide(
     Raises:
         FitError: an uncertainty is not positive, or the rule contradicts itself.
 
+    Example:
+        >>> offset = {"value": 0.8, "standard_uncertainty": 0.15, "expanded_uncertainty": 0.3}
+        >>> decide(**offset, tolerance=Tolerance.around(0.0, 1.0), rule=SimpleAcceptance()).word
+        'pass'
+        >>> decide(**offset, tolerance=Tolerance.around(0.0, 1.0), rule=GuardBand()).word
+        'conditionalPass'
+
     """
     probability = conformity_probability(value, standard_uncertainty, tolerance, df=df)
     if not expanded_uncertainty > 0.0:

@@ -222,6 +222,11 @@ class RunList:
         points: the points, in running order.
         seed: of every random choice in the order.
         steps: what a person does by hand, in the order of their points.
+
+    Example:
+        >>> up = [Point(0, 1, None, (-1.0,), (+1,)), Point(1, 1, None, (1.0,), (+1,))]
+        >>> RunList([Factor("pitch_deg", "pitch")], up, seed=1).points[1].setpoints
+        (1.0,)
     """
 
     factors: tuple[Factor, ...]

@@ -1,6 +1,6 @@
 """The sequencer's states and triggers: one flat table, the only definition of permitted transitions.
 
-`docs/reference/sequencer.md` is generated from it (`python -m rig.engine.states`).
+`docs/reference/sequencer.md` is made from it by `tools/reference`.
 """
 
 from __future__ import annotations
@@ -167,8 +167,7 @@ def document() -> str:
     triggers = "\n".join(f"| {t.trigger} | {', '.join(t.sources)} | {t.target} | {t.when} |" for t in TRANSITIONS)
     return f"""# The sequencer
 
-Generated from `rig/engine/states.py` by `python -m rig.engine.states > docs/reference/sequencer.md`; a test fails if it
-is stale.
+Made by `tools/reference` from the table in `rig/engine/states.py`.
 
 | state | meaning |
 | --- | --- |
@@ -182,7 +181,3 @@ is stale.
 {diagram()}
 ```
 """
-
-
-if __name__ == "__main__":
-    print(document(), end="")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import importlib
 import inspect
 import json
 import re
@@ -416,22 +417,54 @@ readings = 4
 """
 
 
-def test_the_examples_of_the_document_run(tmp_path, monkeypatch, table, few_draws):
+@pytest.fixture
+def folder(tmp_path, monkeypatch, table, few_draws):
+    """The folder of all examples: a run, tables, a procedure on a bench, readings."""
     shutil.copy(ATTITUDE, tmp_path / "night.sqlite")
     shutil.copy(table, tmp_path / "line.csv")
     (tmp_path / "line-2026.csv").write_text(line(seed=8))
+    for name, seed in (("cell", 7), ("cell-2025", 7), ("cell-2026", 8)):
+        (tmp_path / f"{name}.csv").write_text(line(seed).replace("y_mV", "y_V"))
     for name in ("bench.toml", "world.toml"):
         shutil.copy(dry.LAB / name, tmp_path)
     (tmp_path / "procedure.toml").write_text(PROCEDURE)
     (tmp_path / "readings.csv").write_text("x_V,y_V,z_V\n-2.485,4.308,0.016\n0.1,0,-5.05\n")
     monkeypatch.chdir(tmp_path)
-    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
-    text = (ROOT / "docs" / "how_to" / "python.md").read_text().replace("```", "")
-    examples = doctest.DocTestParser().get_doctest(text, {}, "python.md", "docs/how_to/python.md", 0)
-    assert len(examples.examples) >= 20
+
+
+def complaints(text: str, name: str, least: int) -> str:
+    """What is wrong with the examples in a text, of which there are so many at least."""
+    examples = doctest.DocTestParser().get_doctest(text, {"rig": rig}, name, name, 0)
+    assert len(examples.examples) >= least
     told: list[str] = []
+    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
     doctest.DocTestRunner(optionflags=flags).run(examples, out=told.append)
-    assert told == [], "".join(told)
+    return "".join(told)
+
+
+def test_the_examples_of_the_document_run(folder):
+    assert complaints((ROOT / "docs" / "how_to" / "python.md").read_text().replace("```", ""), "python.md", 20) == ""
+
+
+@pytest.mark.parametrize("name", ["open", "infer", "chart", "plan", "run"])
+def test_the_examples_of_public_functions_run(folder, name):
+    assert complaints(inspect.getdoc(getattr(rig, name)), name, 1) == ""
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        "rig.fitter.decision.rules",
+        "rig.fitter.formula",
+        "rig.fitter.quantiles",
+        "rig.fitter.rounding",
+        "rig.procedures.plan.run_list",
+    ],
+)
+def test_the_examples_of_what_plug_ins_import_run(module):
+    found = doctest.testmod(importlib.import_module(module))
+    assert found.attempted > 0
+    assert found.failed == 0
 
 
 def test_the_document_names_all_that_is_public():

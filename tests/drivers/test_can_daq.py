@@ -12,7 +12,7 @@ from typing import Any
 
 import cantools.database
 import pytest
-from buses import CONTRACTS, EDS, assert_documented
+from buses import CONTRACTS, EDS
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -611,10 +611,6 @@ def test_a_unit_that_sends_by_itself_has_no_twin() -> None:
         CanDaqTwin("daq", {"dbc": FOREIGN}, World(), Warming(), "")
     with pytest.raises(WorldError, match="daq: only a unit that measures on command can be simulated"):
         CanDaqTwin("daq", {"dbc": FOREIGN.replace("7|16@0-", "0|16@1-")}, World(), Warming(), "")
-
-
-def test_the_document_lists_every_option() -> None:
-    assert_documented(CanDaq)
 
 
 def test_who_has_no_such_unit_does_not_wait_for_cantools() -> None:

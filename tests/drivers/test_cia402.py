@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import pytest
-from buses import EDS, Simulated, assert_documented, head, without_objects
+from buses import EDS, Simulated, head, without_objects
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -361,10 +361,6 @@ def test_a_node_on_two_instruments_is_refused() -> None:
 def test_options_are_strict(options: dict[str, object], message: str) -> None:
     with pytest.raises(ValidationError, match=message):
         CiA402Pair.Options.model_validate(options)
-
-
-def test_the_document_lists_every_option() -> None:
-    assert_documented(CiA402Pair)
 
 
 # The twin alone, by the letters of CiA 402.

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import itertools
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -866,12 +864,6 @@ def test_silence_is_named():
 def test_options_are_checked(options):
     with pytest.raises(ValidationError):
         DruckPACE.Options(**options)
-
-
-def test_options_are_documented():
-    text = (Path(__file__).parents[2] / "docs" / "reference" / "instruments.md").read_text(encoding="utf-8")
-    for name, field in DruckPACE.Options.model_fields.items():
-        assert f"| `{name}` | `{json.dumps(field.default)}` | {field.description} |" in text
 
 
 @settings(max_examples=20, deadline=None)

@@ -12,10 +12,7 @@ from command import rig
 
 from rig.bench.bench_file import check_options
 from rig.bench.config import parse_bench
-from rig.drivers.driver import DriverClass
 from rig.drivers.roles import Reader, Source
-from rig.drivers.scpi_meter import DescribedMeter
-from rig.drivers.scpi_source import DescribedSource
 from rig.instruments.opening import open_bench
 from rig.sims.serve import toml
 from rig.simulated.dry_run import DryBench
@@ -33,13 +30,6 @@ def benches() -> dict[str, str]:
     first = tomllib.loads(block("bench.toml"))
     second = first | {"instruments": first["instruments"] | tomllib.loads(block("smu.toml"))["instruments"]}
     return {"calibrator": block("bench.toml"), "smu": toml(second)}
-
-
-@pytest.mark.parametrize("driver", [DescribedMeter, DescribedSource])
-def test_options_are_documented(driver: DriverClass) -> None:
-    for name, field in driver.Options.model_fields.items():
-        default = "required" if field.is_required() else f"`{json.dumps(field.default)}`"
-        assert f"| `{name}` | {default} | {field.description} |" in TEXT
 
 
 @pytest.mark.parametrize("which", benches())

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
+import runpy
 from pathlib import Path
 
 import pytest
 
-from rig import reference
 from rig.engine import states
 from rig.engine.at_point import AtPoint
 from rig.engine.sequencer import Sequencer
@@ -15,9 +15,21 @@ from rig.engine.sequencer import Sequencer
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.parametrize(("name", "made"), [("sequencer.md", states.document), ("files.md", reference.document)])
-def test_generated_documents_are_fresh(name, made):
-    assert (ROOT / "docs" / "reference" / name).read_text() == made()
+REFERENCE = runpy.run_path(str(ROOT / "tools" / "reference"))
+GENERATED = ("commands", "effects", "exit_codes", "files", "instruments", "sequencer")
+
+
+@pytest.mark.parametrize("page", [f"reference/{name}.md" for name in GENERATED] + ["how_to/scpi.md"])
+def test_generated_documents_are_fresh(page):
+    path = ROOT / "docs" / page
+    assert path.read_text(encoding="utf-8") == REFERENCE["renewed"](path), "run .venv/bin/python tools/reference"
+
+
+def test_everything_that_can_be_generated_is_in_a_page():
+    pages = [path.read_text(encoding="utf-8") for path in (ROOT / "docs").rglob("*.md")]
+    shown = {name for text in pages for _, name, _ in REFERENCE["BLOCK"].findall(text)}
+    of_both = {f"options of {name}" for name in REFERENCE["SCPI"]}
+    assert shown == REFERENCE["BLOCKS"].keys() - of_both
 
 
 def test_every_state_can_be_reached_and_left():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -97,13 +96,3 @@ def without_objects(eds: str, *indices: int) -> str:
         if keep and not (line[:1].isdigit() and listed in {f"{index:04X}" for index in indices}):
             kept.append(line)
     return "\n".join(kept) + "\n"
-
-
-def assert_documented(driver: Any) -> None:
-    """docs/reference/instruments.md lists every option of a driver with its default and meaning."""
-    text = (CONTRACTS.parent / "docs" / "reference" / "instruments.md").read_text(encoding="utf-8")
-    supplied = {one.option for one in driver.contracts}
-    for name, option in driver.Options.model_fields.items():
-        required = "the supplied one" if name in supplied else "required"
-        default = required if option.is_required() else f"`{json.dumps(option.default)}`"
-        assert f"| `{name}` | {default} | {option.description} |" in text

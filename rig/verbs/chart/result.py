@@ -109,6 +109,12 @@ def chart(
     Raises:
         UsageError: fewer than two calibrations can be charted together, or a file cannot be used.
         DataError: a table does not determine its model.
+
+    Example:
+        >>> for year in ("2025", "2026"):
+        ...     rig.open(f"cell-{year}.csv").fit(response="y_V", formula="1 + x_mm").save(f"{year}.json")
+        >>> rig.chart(["2025.json@2025-01-15", "2026.json@2026-01-15"], tolerance=0.1, today="2026-02-01")
+        <rig.ControlChart of y_V: 2 calibrations>
     """
     files = [str(one.path) if isinstance(one, Data) else str(one) for one in calibrations]
     given, left_out = read_together(files, formula, sensors)

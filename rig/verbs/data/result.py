@@ -276,6 +276,12 @@ def open(  # noqa: A001 - rig.open, as one opens a file
 
     Raises:
         UsageError: the file does not exist, or an argument is wrong.
+
+    Example:
+        >>> rig.open("night.sqlite").table["x_V"].size
+        24
+        >>> rig.open("cell.csv").trace(response="y_V", formula="1 + x_mm").verdicts
+        {'y_V': 'explained'}
     """
     return Data(path, Asked.of(separator, decimal, encoding, header))
 

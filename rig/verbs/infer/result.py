@@ -135,6 +135,11 @@ def infer(
     Raises:
         UsageError: a file cannot be used, or this calibration does not have an option.
         DataError: a column is missing, or a value cannot be used.
+
+    Example:
+        >>> rig.open("night.sqlite").fit().save("package.json")
+        >>> rig.infer("package.json", {"x_V": [0.1, None], "y_V": [0.0, 0.0], "z_V": [-5.0, -5.0]})["flag"].tolist()[1]
+        'no value of x_V'
     """
     path = Path(calibration)
     check_readings(readings, out, [path], options)

@@ -311,6 +311,10 @@ def plan(
         ConfigurationError: a file is wrong, or the design does not determine a sensor.
         UsageError: `usage` is given, and this kind has none.
         RigError: the rehearsal failed.
+
+    Example:
+        >>> rig.plan("procedure.toml", "bench.toml")
+        <rig.Plan of few angles: 12 points>
     """
     checked = load_plan(
         Path(procedure), Path(bench), dry=world is not None, world=None if world is None else Path(world)

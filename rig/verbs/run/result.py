@@ -104,6 +104,10 @@ def run(
         ConfigurationError: a file is wrong.
         BenchFault: an instrument cannot be reached.
         BusyError: another controller has one of the addresses.
+
+    Example:
+        >>> rig.run("procedure.toml", "bench.toml", world="world.toml").outcome
+        'complete'
     """
     plan = load_plan(Path(procedure), Path(bench), dry=dry, world=None if world is None else Path(world))
     by = operator_of(operator)
