@@ -15,7 +15,7 @@ from rig.fitter.confirm.beside import Beside, beside
 from rig.fitter.confirm.compare import Comparison, fitted_again, lasting, nuisance
 from rig.fitter.confirm.prediction import SensorError, prediction_errors
 from rig.fitter.confirm.question import Hypothesis, Question
-from rig.fitter.confirm.structure import p_structured
+from rig.fitter.confirm.structure import structured
 from rig.fitter.confirm.together import Candidates, Together, left, solve
 from rig.fitter.effects.sizes import arcsec, size_95
 from rig.fitter.linear import orthonormal
@@ -49,6 +49,8 @@ class Member:
         missed: of a dynamic effect, what its sizes in the first run and error leave of it in the later run, as a part
             of what it is there, rms; infinite for others.
         fits: whether its residuals in the later run are no more than error, and follow no smooth curve.
+        p_fits: probability by chance of such residuals, or of such a curve in them; a model does not fit below 1e-3.
+        place: of that curve, if it does not fit: "over flow_kg_per_min"; "" if its residuals are too large altogether.
         terms: names of its terms.
         coefficients: of the terms, from the later run alone, so without selection bias.
         intervals: 95 % intervals of them.
@@ -78,6 +80,8 @@ class Member:
     sizes: Mapping[str, str]
     against: str
     shifts: frozenset[str] = frozenset()
+    p_fits: float = 1.0
+    place: str = ""
 
     @property
     def zero(self) -> tuple[str, ...]:
@@ -293,9 +297,11 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
     together, spread = solve(model, both.outputs)[:q], _errors_of(model)[:q]
     changed = both.columns_in(member.terms, both.fresh)
     gain, more = _gained(both.outputs, model, np.column_stack([changed, shifts]))
-    df, limit, fits = both.df, member.limit(both.df), _fits(both, model)
+    df, limit = both.df, member.limit(both.df)
+    fits, p_fits, place = _fits(both, model)
     if fits and sigmas <= limit:
-        fits = p_structured(both, model, lasting=lasting(question)) >= CHANGED
+        p_fits, place = structured(both, model, lasting=lasting(question))
+        fits = p_fits >= CHANGED
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
     alone, error = _alone(both, member, question.rest)
     t = t_limit(0.95, df)
@@ -312,6 +318,8 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
         limit=limit,
         missed=_missed(both, model, changed, shifts) if all(t.effect.dynamic for t in member.terms) else np.inf,
         fits=fits,
+        p_fits=p_fits,
+        place="" if fits else place,
         terms=tuple(names),
         coefficients=tuple(alone.tolist()),
         intervals=intervals,
@@ -357,10 +365,11 @@ def _errors_of(model: FloatArray) -> FloatArray:
     return np.asarray(np.where(length > 0, errors, np.nan))
 
 
-def _fits(both: Together, model: FloatArray) -> bool:
-    """Whether a model fits the later run."""
+def _fits(both: Together, model: FloatArray) -> tuple[bool, float, str]:
+    """Whether a model's residuals in the later run are as large as the error, the probability, and no place."""
     misfit, df = _misfit(both, model)
-    return misfit < MISFIT or f_tail(misfit, df, both.df) > CHANGED
+    p = float(f_tail(misfit, df, both.df))
+    return misfit < MISFIT or p > CHANGED, p, ""
 
 
 def _sizes(

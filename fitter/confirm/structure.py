@@ -18,12 +18,17 @@ ORDERS = 3, 6, 12
 """Numbers of columns of a place that are tried together, the smoothest first."""
 LEAST_DF = 8
 """Degrees of freedom beside a shape: with fewer the error is not known well enough."""
-INDEPENDENT = 1e-3
-"""Share of a column that remains beside the model, below which it is a part of the model."""
+INDEPENDENT = 0.03
+"""Share of a column that remains beside the model and the columns before it, below which it is a part of them.
+
+A standard's reading scatters about each level of a setting. Waves over the levels and the model's columns of the
+readings then differ by that scatter alone, and along it lies the error of the standard in every output, times the
+output's slope: it is no shape.
+"""
 
 
-def p_structured(both: Together, model: FloatArray, *, lasting: bool) -> float:
-    """Probability by chance of the clearest shape in a model's residuals in the later run, over all that were tried.
+def structured(both: Together, model: FloatArray, *, lasting: bool) -> tuple[float, str]:
+    """Probability by chance of the clearest shape in a model's residuals in the later run, over all tried; its place.
 
     Args:
         both: both runs.
@@ -35,14 +40,13 @@ def p_structured(both: Together, model: FloatArray, *, lasting: bool) -> float:
     rest = whole_rest[fresh]
     basis = orthonormal(model)
     df = rest.size - float(np.sum(basis[fresh] ** 2)) - both.leverage(both.fresh)
-    found, tried = 1.0, 0
-    for raw in both.shapes(lasting=lasting):
+    (found, place), tried = (1.0, ""), 0
+    for name, raw in both.shapes(lasting=lasting):
         whole = np.sqrt(np.sum(np.stack([both.weigh(i, own) for i, own in enumerate(raw)]) ** 2, axis=(0, 1)))
         columns = both.stacked(raw)
         columns -= basis @ (basis.T @ columns)
-        columns = columns[:, np.linalg.norm(columns, axis=0) > INDEPENDENT * np.where(whole > 0, whole, 1.0)]
         for order in dict.fromkeys(min(order, columns.shape[1]) for order in ORDERS):
-            shape = orthonormal(columns[:, :order])
+            shape = orthonormal(columns[:, :order], whole[:order], INDEPENDENT)
             rank = shape.shape[1]
             if not rank or df - rank < LEAST_DF:
                 continue
@@ -50,5 +54,5 @@ def p_structured(both: Together, model: FloatArray, *, lasting: bool) -> float:
             scatter = float(np.sum((rest - shape[fresh] @ along) ** 2)) / (df - rank)
             tried += 1
             f = float(along @ along) / rank / max(scatter, np.finfo(float).tiny)
-            found = min(found, f_tail(f, rank, df - rank))
-    return min(found * tried, 1.0) if tried else 1.0
+            found, place = min((found, place), (f_tail(f, rank, df - rank), name))
+    return min(found * max(tried, 1), 1.0), place

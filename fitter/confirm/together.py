@@ -218,8 +218,8 @@ class Together(ABC):
         """The runs and a question without sensors that have no part in it; as they are if any may have one."""
         return self, question
 
-    def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
-        """(S, n, m) smooth unweighted columns over what was recorded in the later run, one place after the other.
+    def shapes(self, *, lasting: bool) -> Iterator[tuple[str, FloatArray]]:
+        """(S, n, m) smooth unweighted columns over what was recorded in the later run, each place after its name.
 
         Args:
             lasting: whether those over time and temperature are left out.

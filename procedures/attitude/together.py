@@ -175,7 +175,7 @@ class AttitudeTogether(Together):
         """(S, n, q) V per unit coefficient."""
         return raw_columns(self.scene, terms)
 
-    def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
+    def shapes(self, *, lasting: bool) -> Iterator[tuple[str, FloatArray]]:
         """See `Together`: the places where a trace looks for shapes without a name."""
         count, n = len(self.sensors), len(self.data)
         for place in places_of(self.scene):
@@ -187,7 +187,7 @@ class AttitudeTogether(Together):
                 raw[:] = columns.reshape(raw.shape)
             else:
                 raw[place.sensor] = columns
-            yield raw * self.fresh[:, None]
+            yield place.text, raw * self.fresh[:, None]
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
         """See `Together`."""

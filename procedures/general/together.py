@@ -320,7 +320,7 @@ class GeneralTogether(Together):
         rest = tuple(term for term in question.rest if term.sensor in concerned)
         return replace(self, whole=self.whole.of(concerned)), replace(question, rest=rest)
 
-    def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
+    def shapes(self, *, lasting: bool) -> Iterator[tuple[str, FloatArray]]:
         """See `Together`: the places where a trace looks for shapes without a name."""
         fresh = self.rows[self.fresh] - self.whole.begins[1]
         for output, one in self.whole.later.items():
@@ -329,7 +329,7 @@ class GeneralTogether(Together):
                     continue
                 raw = np.zeros((len(self.sensors), len(self.rows), place.block.columns.shape[1]))
                 raw[self.sensors.index(output), self.fresh] = place.block.columns[fresh]
-                yield raw
+                yield place.block.place, raw
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
         """See `Together`."""

@@ -115,7 +115,7 @@ class WholePlotTogether(Together):
         """(S, n, q) mV per unit coefficient."""
         return raw_columns(self.scene, self.sensors, terms)
 
-    def shapes(self, *, lasting: bool) -> Iterator[FloatArray]:
+    def shapes(self, *, lasting: bool) -> Iterator[tuple[str, FloatArray]]:
         """See `Together`: the places inside whole plots where a trace looks for shapes without a name."""
         for place in places_of(self.scene):
             if place.level != "subplot" or (lasting and not place.block.place.startswith("over the pressure")):
@@ -123,7 +123,7 @@ class WholePlotTogether(Together):
             for i in range(len(self.sensors)):
                 raw = np.zeros((len(self.sensors), len(self.data), place.block.columns.shape[1]))
                 raw[i] = place.block.columns * self.fresh[:, None]
-                yield raw
+                yield place.block.place, raw
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
         """See `Together`."""

@@ -126,13 +126,13 @@ def show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *
 
 def show_answer(answer: Confirmation) -> None:
     """A verdict, and every cause with its evidence and size."""
-    from rig.verbs.confirm.answers import chance, sizes  # noqa: PLC0415
+    from rig.verbs.confirm.answers import chance, sizes, unfit  # noqa: PLC0415
 
     out.print(f"\n[bold]{escape(answer.effect)}[/]: [bold]{answer.verdict}[/]")
     for member in answer.members:
         cause = f"[green]{escape(member.effect)}[/]" if member.holds else escape(member.effect)
         out.print(f"  {cause}{'' if member.holds else ': does not hold'}", soft_wrap=True)
-        fits = "" if member.fits else "; does not fit the further run"
+        fits = "" if member.fits else f"; does not fit: {unfit(member)}"
         behind = f"{member.sigmas:.1f} standard errors behind the best; " if member.sigmas else ""
         clear = f"{member.shown:.1f} standard errors (limit {member.limit:.1f}), p {chance(member.p_shown)}"
         same = f"the same size in both runs: p {member.p_changed:.2g}"

@@ -50,6 +50,9 @@ def test_a_proposed_run_is_two_lines(plain, capsys):
     assert lines[-1] == "  run 1: it may leave two causes open"
 
 
+LEFT_OVER = {"p_fits": 1e-12, "place": "over force_kN"}
+
+
 def test_a_verdict_has_its_numbers_in_sentences(plain, capsys):
     member = SimpleNamespace(
         effect="creep:force_kN",
@@ -64,7 +67,7 @@ def test_a_verdict_has_its_numbers_in_sentences(plain, capsys):
         sizes={"a_V": "1 mV", "b_V": "2 mV"},
     )
     other = SimpleNamespace(
-        **{**vars(member), "effect": "drift", "holds": False, "fits": False, "sigmas": 8.0, "missed": inf}
+        **{**vars(member), "effect": "drift", "holds": False, "fits": False, "sigmas": 8.0, "missed": inf, **LEFT_OVER}
     )
     answer = SimpleNamespace(effect="creep:force_kN", verdict="confirmed", members=(member, other), outliers=())
     confirm_show.show_answer(answer)
@@ -77,7 +80,8 @@ def test_a_verdict_has_its_numbers_in_sentences(plain, capsys):
         "                                   b_V: 2 mV",
         "  drift: does not hold",
         "    8.0 standard errors behind the best; shown by 116.0 standard errors (limit 3.1), p < 1e-06; the same size "
-        "in both runs: p 0.081; does not fit the further run",
+        "in both runs: p 0.081; does not fit: what it leaves in the further run follows a shape over force_kN "
+        "(p < 1e-06, limit 0.001)",
         "    size in the further run, 95 %: a_V: 1 mV",
         "                                   b_V: 2 mV",
     ]

@@ -1,6 +1,6 @@
 """Confirmation of a trace by a further run: proposals, expected separation, and results."""
 
-from rig.verbs.confirm.answers import Confirmed, chance, evidence, following, judge, sentences, sizes
+from rig.verbs.confirm.answers import Confirmed, chance, evidence, following, judge, sentences, sizes, unfit
 from rig.verbs.confirm.calibration import fit_confirmed
 from rig.verbs.confirm.first import First, open_traced
 from rig.verbs.confirm.plans import plan_for, procedure_text
@@ -36,5 +36,6 @@ __all__ = [
     "propose",
     "sentences",
     "sizes",
+    "unfit",
     "unlikely",
 ]

@@ -121,6 +121,8 @@ class Confirmed:
                     "p_shown": m.p_shown,
                     "limit_sigmas": m.limit,
                     "fits": m.fits,
+                    "p_fits": m.p_fits,
+                    "misfit": m.place,
                     "terms": list(m.terms),
                     "coefficients": list(m.coefficients),
                     "interval_95": [list(i) for i in m.intervals],
@@ -201,10 +203,8 @@ def _sentence(answer: Confirmation) -> str:
         return f"The further run does not show {answer.effect}: it is not distinguishable from zero."
     if answer.verdict == "undecided":
         return f"A further run leaves {_listed(answer.holding)} undecided."
-    return (
-        f"{_listed([m.effect for m in answer.members])}: different sizes in the two runs, or more than error remains "
-        f"with it. The cause is a different one, or it changed between the runs."
-    )
+    why = "; ".join(f"{m.effect}: {_against(m)}" for m in answer.members)
+    return f"No explanation holds: {why}. The cause is a different one, or it changed between the runs."
 
 
 def _cannot_tell(answer: Confirmation) -> str:
@@ -263,7 +263,7 @@ def _against(member: Member) -> str:
     if member.p_changed < CHANGED:
         reasons.append(f"another size than in the first run (p {chance(member.p_changed)}, limit {CHANGED:g})")
     if not member.fits:
-        reasons.append("leaves more than error in the further run")
+        reasons.append(unfit(member))
     if PREDICTED < member.missed < math.inf:
         reasons.append(
             f"the first run does not predict {100 * member.missed:.2g} % of it (limit {100 * PREDICTED:g} %)"
@@ -279,6 +279,12 @@ def _ends(member: Member) -> str:
 def chance(p: float) -> str:
     """A probability; values below the limit of reliable tails are given as below that limit."""
     return f"< {SMALLEST:g}" if p < SMALLEST else f"= {p:.2g}"
+
+
+def unfit(member: Member) -> str:
+    """Why a cause does not fit the further run: where, and with what probability by chance."""
+    left = f"follows a shape {member.place}" if member.place else "is larger than its error"
+    return f"what it leaves in the further run {left} (p {chance(member.p_fits)}, limit {CHANGED:g})"
 
 
 def sizes(member: Member) -> list[str]:

@@ -15,7 +15,7 @@ from rig.fitter.trace.outcome import Figure as View
 from rig.procedures.evaluate.results import Page
 from rig.procedures.present.effect_plots import draw
 from rig.tables import run_table
-from rig.verbs.confirm import Confirmed, chance, sentences, sizes
+from rig.verbs.confirm import Confirmed, chance, sentences, sizes, unfit
 from rig.verbs.page import render
 
 _DRAWN = 3
@@ -59,6 +59,7 @@ def _answer(confirmed: Confirmed, answer: Confirmation, told: dict[str, Any]) ->
                 "behind": f"{m.sigmas:.1f}",
                 "p_changed": f"{m.p_changed:.2g}",
                 "shown": f"{m.shown:.1f} (limit {m.limit:.1f}), p {chance(m.p_shown)}",
+                "fits": "yes" if m.fits else f"no: {unfit(m)}",
                 "sizes": sizes(m) or ["not determined by this run"],
             }
             for m in answer.members
