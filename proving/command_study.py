@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.options import JsonOption
 from rig.cli.progress import run_progress
 from rig.cli.show import err, mark, out, print_json

@@ -25,13 +25,11 @@ from rig.procedures.attitude.infer.calibrate import calibrate_package, told_of_d
 from rig.procedures.attitude.influences import levelled
 from rig.procedures.attitude.model import attitude_columns
 from rig.procedures.attitude.results import PITCH, ROLL, Model
-from rig.procedures.attitude.table import attitude_data
 from rig.procedures.attitude.temperature import Temperature
-from rig.procedures.errors import DataError
 from rig.procedures.evaluate.budgeting import SCATTER, Evaluation, Results, Shift, Shifts, no_error
 from rig.procedures.evaluate.reversibility import in_words, line_of
 from rig.procedures.evaluate.scatter import Scatter, scatter
-from rig.procedures.tables.table import SENSOR_TEMPERATURE, Columns, Table
+from rig.procedures.tables.table import SENSOR_TEMPERATURE, Columns
 
 if TYPE_CHECKING:
     from rig.fitter.arrays import FloatArray, IntArray
@@ -307,47 +305,6 @@ class AttitudeEvaluation(Evaluation):
         drift = told_of_drift({one.name: self._fits[one.name].replication for one in self._plain.sensors})
         yield from (words for words in (drift, *(one.sentence(name) for name, one in self._scatter.items())) if words)
         yield from (in_words(name, test) for name, test, _ in self._sides if test.p < DIFFER)
-
-
-def attitude_evaluation(
-    table: Table,
-    at: Sequence[Mapping[str, float]],
-    *,
-    temperature: bool | None,
-    traced: bool = False,
-    gravity: float | None,
-) -> AttitudeEvaluation:
-    """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
-
-    Args:
-        temperature: as for `fit_attitude_table`.
-        traced: with the effects that a trace finds.
-    """
-    made: type[AttitudeEvaluation] = AttitudeEvaluation
-    if traced:
-        from rig.procedures.attitude.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
-
-        made = TracedEvaluation
-
-    data = attitude_data(table)
-    warm = bool(table.declared.get("temperature", False)) if temperature is None else temperature
-    try:
-        return made(data, _points(data, at), temperature=warm, gravity=gravity)
-    except FitError as error:
-        raise DataError(f"{table.source}: {error}") from error
-
-
-def _points(data: AttitudeData, at: Sequence[Mapping[str, float]]) -> list[tuple[float, float]]:
-    """Pitch and roll of every point; level, and the ends of the calibrated pitch at zero roll, if none is given."""
-    if not at:
-        low, high = float(data.pitch_deg.min()), float(data.pitch_deg.max())
-        ends = [one for one in (max(low, -60.0), 0.0, min(high, 60.0)) if low <= one <= high]
-        return [(one, 0.0 if data.has_roll else float(data.roll_deg[0])) for one in dict.fromkeys(ends)]
-    for one in at:
-        unknown = [name for name in one if name not in (PITCH, ROLL)]
-        if unknown or PITCH not in one:
-            raise DataError(f"--at: a point has {PITCH}, and perhaps {ROLL}: --at {PITCH}=10,{ROLL}=30")
-    return [(one[PITCH], one.get(ROLL, 0.0)) for one in at]
 
 
 def _solve(h: FloatArray, y: FloatArray) -> FloatArray:

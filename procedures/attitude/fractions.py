@@ -25,6 +25,8 @@ _MESH = 61
 over 6 deg.
 """
 
+FAMILY, TUMBLE = "fraction", "tumble"
+
 
 @dataclass(frozen=True, eq=False)
 class MeasuredGrid:

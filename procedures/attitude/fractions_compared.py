@@ -20,7 +20,7 @@ from rig.procedures.attitude.data import SAME_ANGLE_DEG, AttitudeData
 from rig.procedures.attitude.designs import Design, fraction, grid, tumble
 from rig.procedures.attitude.fitted import with_temperature
 from rig.procedures.attitude.fraction_advice import advised, sentence, settings
-from rig.procedures.attitude.fractions import Cell, MeasuredGrid, PartFit, fit_part
+from rig.procedures.attitude.fractions import FAMILY, TUMBLE, Cell, MeasuredGrid, PartFit, fit_part
 from rig.procedures.attitude.model import sigma_deg
 from rig.procedures.attitude.table import KNOWN, UNIT, attitude_data
 from rig.procedures.errors import DataError
@@ -29,7 +29,6 @@ from rig.procedures.present.blocks import Block
 from rig.procedures.tables.table import Table
 from rig.procedures.tables.unused import unused_in_fit
 
-FAMILY, TUMBLE = "fraction", "tumble"
 _DESIGN_T = ("T", "T6", "T4")
 
 _FEWEST_ROWS, _FEWEST_COLUMNS = 5, 7

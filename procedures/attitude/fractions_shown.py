@@ -8,7 +8,7 @@ from typing import Any
 from rich.markup import escape
 
 from rig.fitter.rounding import with_error
-from rig.procedures.attitude.fractions_compared import FAMILY
+from rig.procedures.attitude.fractions import FAMILY
 from rig.procedures.attitude.parameters import LABELS, shown
 from rig.procedures.present.blocks import Block, Grid, Line, headline
 from rig.procedures.present.durations import duration

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from rig.fitter.arithmetic_text import parse_expression
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.confirm import Confirmation, Later, Question
 from rig.fitter.effects.entry import Entry
@@ -18,7 +17,6 @@ from rig.fitter.errors import FitError
 from rig.procedures.column_names import moves_of, read_at, spelled, unit_of, with_word
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit, Confirming, in_words
-from rig.procedures.general.effects.literal import arithmetic
 from rig.procedures.general.effects.of_others import HYSTERESIS
 from rig.procedures.general.factors import RANDOM
 from rig.procedures.general.found_in_run import FoundInRun
@@ -29,6 +27,7 @@ from rig.procedures.general.own_time import TIME
 from rig.procedures.general.planning import check_declared, evaluations
 from rig.procedures.general.settings import GeneralProcedure
 from rig.procedures.general.together import GeneralTogether, Observations
+from rig.procedures.general.traced import usable_term, with_effects
 from rig.procedures.plan.further_runs import Variation, repeated
 from rig.procedures.plan.run_list import RunList
 from rig.procedures.tables.table import Table
@@ -216,8 +215,6 @@ class GeneralConfirming(Confirming):
         """Columns of confirmed causes that are functions of the table's own columns are added to the models. Others, of
         time or memory, are taken off the outputs, as by `rig fit --traced`.
         """
-        from rig.procedures.general.traced import with_effects  # noqa: PLC0415 - which needs this module
-
         asked = Asked.of(self.traced.table, options.response, options.formula)
         if asked is None:
             raise DataError(f"--response {options.response} is no output of the run")
@@ -327,16 +324,6 @@ def _means(v: FloatArray, group: FloatArray | IntArray) -> tuple[FloatArray, Flo
 def _stays(v: FloatArray, group: FloatArray | IntArray) -> bool:
     """Whether a recorded quantity hardly varies within groups of rows, and differs between them."""
     return bool(np.sum((v - _means(v, group)[1]) ** 2) < WITHIN * np.sum((v - v.mean()) ** 2))
-
-
-def usable_term(label: str, known: Sequence[str]) -> str:
-    """A column of an effect as arithmetic of quantities that are known when a sensor is used; "" if it is none."""
-    try:
-        text = arithmetic(label)
-        names = parse_expression(text).names
-    except FitError:
-        return ""
-    return text if names and set(names) <= set(known) else ""
 
 
 def _unit_keys(run_list: RunList) -> list[tuple[float, ...]]:

@@ -124,7 +124,7 @@ class GeneralKind(Kind):
         self, table: Table, options: BudgetOptions, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
     ) -> Evaluation:
         """Coefficients, outputs and inferred values of the sensors of a run."""
-        from rig.procedures.general.budget import general_evaluation  # noqa: PLC0415
+        from rig.procedures.general.evaluation import general_evaluation  # noqa: PLC0415
 
         return general_evaluation(table, at, traced=options.traced)
 

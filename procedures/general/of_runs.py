@@ -19,7 +19,7 @@ from rig.procedures.general.common import Common, common_of
 from rig.procedures.general.declared import Declared
 from rig.procedures.general.evaluate import IGNORED, GeneralTraced, trace_general_table
 from rig.procedures.general.fit import fit_general
-from rig.procedures.general.settings import ModelSettings, SensorModel
+from rig.procedures.general.model_settings import ModelSettings, SensorModel
 from rig.procedures.present.blocks import Block, Line
 from rig.procedures.tables.table import Reader, Table
 from rig.procedures.tables.unused import RECORDED

@@ -15,9 +15,10 @@ from rig.fitter.errors import FitError
 from rig.fitter.formula import Formula
 from rig.fitter.split_plot import plan_precision
 from rig.procedures.general.factors import AS_WRITTEN
+from rig.procedures.general.model_settings import SensorModel
 from rig.procedures.general.models.named import standard_model
-from rig.procedures.general.models.units import to_model, unit_in
-from rig.procedures.general.settings import GeneralProcedure, SensorModel
+from rig.procedures.general.models.units import unit_in
+from rig.procedures.general.settings import GeneralProcedure
 from rig.procedures.general.swept import swept
 from rig.procedures.plan.advice import Advice
 from rig.procedures.plan.precision import Precision
@@ -56,51 +57,6 @@ def formulas_of(procedure: GeneralProcedure) -> Mapping[str, Formula]:
             raise FitError(f"{where}: it has no terms: there is nothing to fit")
         found[sensor] = formula
     return found
-
-
-def misfit(procedure: GeneralProcedure, sensors: Mapping[str, str], read: Mapping[str, str]) -> str:
-    """See `Conduct.misfit`: variables that nothing reads, and units that a standard model does not convert."""
-    known = [*procedure.factors, *read]
-    for name, column in sensors.items():
-        model = procedure.model.of(name)
-        where = f"model.{name}" if name in procedure.model.own else "model"
-        if model.standard is not None:
-            entry = standard_model(model.standard)
-            abscissa = model.abscissa or next(iter(procedure.factors))
-            try:
-                to_model(unit_in(abscissa), entry.abscissa.unit, abscissa)
-                to_model(unit_in(column), entry.response.unit, column)
-            except FitError as error:
-                return f"{where}.standard = {entry.name!r}: {error}"
-        elif model.linear and model.formula is not None:
-            unread = [one for one in Formula.parse(model.formula).names if one not in known]
-            if model.abscissa is not None and model.abscissa not in Formula.parse(model.formula).names:
-                return f"{where}.abscissa = {model.abscissa!r} is not in its formula, {model.formula}"
-            replaced = {factor: one for one, factor in read.items() if factor}
-            if twice := [one for one in Formula.parse(model.formula).names if one in replaced]:
-                return (
-                    f"{where}.formula: {twice[0]} sets {replaced[twice[0]]}, which is read in its place: write "
-                    f"{replaced[twice[0]]}"
-                )
-            if unread:
-                return f"{where}.formula: {_not_read(unread[0], procedure, read)}"
-    return ""
-
-
-def _not_read(name: str, procedure: GeneralProcedure, read: Mapping[str, str]) -> str:
-    """Why a quantity cannot be in a model, and what to declare."""
-    if name.endswith(_DEGC):
-        there = [one for one in read if one.endswith(_DEGC)]
-        return (
-            f"nothing on the bench reads {name}: [temperatures] has {', '.join(there)}"
-            if there
-            else (f"nothing on the bench reads {name}: it has no [temperatures]")
-        )
-    easy = next((one for one, factor in procedure.factors.items() if not factor.hard), next(iter(procedure.factors)))
-    return (
-        f"{name} is not a factor ({', '.join(procedure.factors)}), and the bench does not read it as what one of them "
-        f'sets: `of = "{easy}"` in [references.{name}] of the bench says so'
-    )
 
 
 def _check_abscissa(sensor: str, model: SensorModel, procedure: GeneralProcedure) -> None:

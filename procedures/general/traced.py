@@ -14,12 +14,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rig.fitter.arithmetic_text import parse_expression
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Entry
+from rig.fitter.errors import FitError
 from rig.fitter.linear import orthonormal, spanned
 from rig.procedures.column_names import unit_of
-from rig.procedures.general.confirming import usable_term
 from rig.procedures.general.effects.columns import less, middle, origin
+from rig.procedures.general.effects.literal import arithmetic
 from rig.procedures.general.effects.of_time import WARM_UP
 from rig.procedures.general.effects.time_columns import lag, of_start, previous
 from rig.procedures.general.of_runs import Asked, RunFitted, RunTraced, fit_run, noted_of, recorded, trace_run
@@ -230,3 +232,13 @@ def _mean_over_time(columns: FloatArray, settings: Sequence[FloatArray]) -> Floa
     v = settings[0] - origin(settings[0])
     there = v != 0.0
     return np.asarray(v[:, None] * np.mean(columns[there] / v[there, None], axis=0))
+
+
+def usable_term(label: str, known: Sequence[str]) -> str:
+    """A column of an effect as arithmetic of quantities that are known when a sensor is used; "" if it is none."""
+    try:
+        text = arithmetic(label)
+        names = parse_expression(text).names
+    except FitError:
+        return ""
+    return text if names and set(names) <= set(known) else ""

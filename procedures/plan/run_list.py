@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar, overload
 from rig.procedures.column_names import with_word
 
 if TYPE_CHECKING:
-    from rig.procedures.plan.by_hand import HandStep
+    from rig.procedures.plan.hand_steps import HandStep
 
 Level = TypeVar("Level", bound=Hashable)
 

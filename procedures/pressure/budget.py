@@ -12,11 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.errors import FitError
 from rig.fitter.linear import orthonormal
 from rig.fitter.strata import DIFFER, by_side, reversed_by
 from rig.fitter.sums_of_squares import FTest, off
-from rig.procedures.errors import DataError
 from rig.procedures.evaluate.budget_by_sensor import EvaluationBySensor
 from rig.procedures.evaluate.budgeting import Shift, Shifts
 from rig.procedures.evaluate.reversibility import in_words
@@ -24,14 +22,13 @@ from rig.procedures.evaluate.stated import PlaceConstant
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.fit import Errors, PressureCalibration, PressureFit, fit_transducers
 from rig.procedures.pressure.fit.methods import METHOD
-from rig.procedures.pressure.fit.models import coefficient_unit, usual
+from rig.procedures.pressure.fit.models import coefficient_unit
 from rig.procedures.pressure.infer import infer_pressure
 from rig.procedures.pressure.influences import COLUMN_PER_M
-from rig.procedures.pressure.table import whole_plot_data
-from rig.procedures.tables.table import Columns, Table
+from rig.procedures.tables.table import Columns
 
 PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
-_NAMES = {"P": PRESSURE, "T_sensor": SENSOR, "T_SSE": SSE}
+NAMES = {"P": PRESSURE, "T_sensor": SENSOR, "T_SSE": SSE}
 Point = tuple[float, float, float]
 """Pressure, sensor temperature, SSE temperature."""
 
@@ -73,7 +70,7 @@ class Transducer:
         """(k,) coefficients with additions to columns."""
         problem = self.fit.problem
         table = dict(problem.data.table)
-        for short, column in _NAMES.items():
+        for short, column in NAMES.items():
             if column in moved:
                 table[short] = table[column] = table[column] + moved[column]
         y = problem.data.outputs[self.name] + moved.get(self.name, 0.0)
@@ -204,7 +201,7 @@ class PressureEvaluation(EvaluationBySensor):
     def settings(self) -> Mapping[str, IntArray]:
         """See `Evaluation`."""
         number = {}
-        for short, column in _NAMES.items():
+        for short, column in NAMES.items():
             number[column] = np.asarray(np.unique(self._data.nominal[short], return_inverse=True)[1], np.int64)
         every = np.column_stack([*number.values()])
         points = np.asarray(np.unique(every, axis=0, return_inverse=True)[1], np.int64).ravel()
@@ -217,7 +214,7 @@ class PressureEvaluation(EvaluationBySensor):
 
     def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
         """See `Evaluation`."""
-        shared = {name: moved for name, moved in columns.items() if name in _NAMES.values()}
+        shared = {name: moved for name, moved in columns.items() if name in NAMES.values()}
         found = {}
         for one in self._each:
             mine = shared | ({one.name: columns[one.name]} if one.name in columns else {})
@@ -229,49 +226,3 @@ class PressureEvaluation(EvaluationBySensor):
         if constant.name == "line_head":
             pressure = self.columns[PRESSURE]
             yield "", lambda times: Shift({PRESSURE: times * constant.standard * COLUMN_PER_M * pressure})
-
-
-def pressure_evaluation(
-    table: Table, formula: str | None, at: Sequence[Mapping[str, float]], *, traced: bool = False
-) -> PressureEvaluation:
-    """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
-
-    Args:
-        formula: the model; None for the declared one.
-        traced: with the effects that a trace finds.
-    """
-    data = whole_plot_data(table)
-    alive = {name: values for name, values in data.outputs.items() if float(np.ptp(values)) > 0.0}
-    if not alive:
-        raise DataError(f"{table.source}: no transducer's output ever changes: nothing to calibrate")
-    data = replace(data, outputs=alive)
-    model = formula or table.declared.get("formula") or usual(data)
-    try:
-        if not traced:
-            return PressureEvaluation(data, model, _points(data, at))
-        from rig.procedures.pressure.budget_traced import TracedEvaluation  # noqa: PLC0415 - which derives from this module
-        from rig.procedures.pressure.evaluate import trace_whole_plot_table  # noqa: PLC0415 - few budgets need it
-
-        found = trace_whole_plot_table(table, formula, validate=False).trace
-        return TracedEvaluation(data, model, _points(data, at), found)
-    except FitError as error:
-        raise DataError(f"{table.source}: {error}") from error
-
-
-def _points(data: WholePlotData, at: Sequence[Mapping[str, float]]) -> list[Point]:
-    """Points, with the mean temperatures of the run where none are given; three pressures if no point is given."""
-    middle = {SENSOR: float(np.mean(data.nominal["T_sensor"])), SSE: float(np.mean(data.nominal["T_SSE"]))}
-    if not at:
-        low, high = float(data.pressure_psia.min()), float(data.pressure_psia.max())
-        given: Sequence[Mapping[str, float]] = [
-            {PRESSURE: P} for P in (low + 0.1 * (high - low), (low + high) / 2, high)
-        ]
-        given = [{PRESSURE: float(f"{one[PRESSURE]:.3g}")} for one in given]
-        middle = {name: float(f"{value:.3g}") if abs(value) > 1e-6 else 0.0 for name, value in middle.items()}
-    else:
-        given = at
-    for one in given:
-        unknown = [name for name in one if name not in _NAMES.values()]
-        if unknown or PRESSURE not in one:
-            raise DataError(f"--at: a point has {PRESSURE}, and perhaps {SENSOR} and {SSE}: --at {PRESSURE}=2.5")
-    return [(one[PRESSURE], one.get(SENSOR, middle[SENSOR]), one.get(SSE, middle[SSE])) for one in given]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rig.fitter.arrays import IntArray
-from rig.procedures.plan.by_hand import Made
+from rig.procedures.plan.hand_steps import Made
 
 Columns = Mapping[str, np.ndarray[Any, np.dtype[np.float64]]]
 SENSOR_TEMPERATURE = "sensor_temperature_degC"

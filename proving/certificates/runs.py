@@ -34,11 +34,12 @@ from rig.tables import run_table
 from rig.verbs.budget.evaluation import DOMINATED
 from rig.verbs.budget.result import budget
 from rig.verbs.certificate import words
+from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.assembly import SMALL
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.issue import Issue, issue
 from rig.verbs.certificate.numbers import plain
-from rig.verbs.certificate.result import Asked, Made, Refused, make
+from rig.verbs.certificate.result import Made, Refused, make
 from rig.verbs.data.result import open as open_data
 
 ISSUED = datetime.date(2026, 11, 24)

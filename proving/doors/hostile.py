@@ -18,7 +18,7 @@ import typer
 
 from proving.crashes.damages import small_finished
 from proving.night.campaign import replay
-from rig.cli import app
+from rig.cli.commands import app
 from rig.errors import RigError
 from rig.procedures.errors import DataError
 

@@ -16,25 +16,12 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.commands import Commands
+from rig.cli.commands import app
 from rig.errors import ExitCode, NotSafe, RigError
 from rig.procedures.errors import BrokenKind, DataError
 
 # Typer contains click from 0.2x on and used the installed one before: this finds both.
 _UsageProblem: type[Exception] = next(cls for cls in typer.BadParameter.__mro__ if cls.__name__ == "ClickException")
-
-app = typer.Typer(
-    name="rig",
-    cls=Commands,
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode="markdown",
-    pretty_exceptions_enable=False,
-    help="Runs calibration experiments overnight, survives crashes, fits the data, and traces the residual to the "
-    "effect the model lacks.\n\n"
-    "Exit codes: 0 done, 1 fault (bench safe), 2 usage, 3 done but outside acceptance, 4 stopped by `rig stop`, "
-    "5 fault and NOT safe, 6 still running (`rig status --check`), 75 interrupted (resumable), 78 bad configuration.",
-)
 
 
 def _version(asked: bool) -> None:

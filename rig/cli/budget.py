@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from rig.cli import app
 from rig.cli.budget_options import EquipmentOption, SameMeterOption
+from rig.cli.commands import app
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.options import JsonOption, RunArgument
 from rig.cli.progress import counting

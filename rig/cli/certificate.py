@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.options import JsonOption
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode, UsageError
@@ -137,8 +137,9 @@ def certificate(
             "a certificate needs a run or a table, and --out FOLDER: rig certificate RUN --out certificates"
         )
     from rig.files.atomic import check_files  # noqa: PLC0415
+    from rig.verbs.certificate.asked import Asked  # noqa: PLC0415
     from rig.verbs.certificate.issue import Issue, all_files, check_extras, issue  # noqa: PLC0415
-    from rig.verbs.certificate.result import Asked, make  # noqa: PLC0415
+    from rig.verbs.certificate.result import make  # noqa: PLC0415
 
     later = tuple(confirmed_by or ())
     people = (calibrated_by, approved_by)

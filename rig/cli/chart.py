@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.options import JsonOption
 from rig.cli.show import show_result, write_report
 from rig.errors import ExitCode

@@ -9,6 +9,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any, NamedTuple
 
+import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command_from_info, get_command_name, get_group_from_info
 
@@ -145,10 +146,22 @@ class Commands(TyperGroup):
         return super().resolve_command(ctx, args)
 
 
+app = typer.Typer(
+    name="rig",
+    cls=Commands,
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="markdown",
+    pretty_exceptions_enable=False,
+    help="Runs calibration experiments overnight, survives crashes, fits the data, and traces the residual to the "
+    "effect the model lacks.\n\n"
+    "Exit codes: 0 done, 1 fault (bench safe), 2 usage, 3 done but outside acceptance, 4 stopped by `rig stop`, "
+    "5 fault and NOT safe, 6 still running (`rig status --check`), 75 interrupted (resumable), 78 bad configuration.",
+)
+
+
 def loaded(name: str) -> Any:
     """The command of that name, with its options: imports its module."""
-    from rig.cli import app  # noqa: PLC0415 - imports this class
-
     import_module(COMMANDS[name].module)
     settings: dict[str, Any] = {"pretty_exceptions_short": True, "rich_markup_mode": "markdown"}
     for group in app.registered_groups:

@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from rig.bench.config import parse_toml, read_text
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.confirm_show import listed, show, show_open, show_proposals
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.options import JsonOption, RunArgument

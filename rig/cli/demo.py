@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.options import JsonOption
 from rig.cli.progress import run_progress
 from rig.cli.run import conclude

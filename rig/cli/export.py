@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.show import err, headline
 from rig.errors import ExitCode
 from rig.files.atomic import check_ending, check_files

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from rig.cli import app
 from rig.cli.budget_options import SameMeterOption
+from rig.cli.commands import app
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.options import JsonOption
 from rig.cli.show import err, mark, print_json, show_notes

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.options import BenchOption, JsonOption, ProcedureArgument
 from rig.cli.progress import run_progress
 from rig.cli.show import show_result

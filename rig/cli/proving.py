@@ -10,7 +10,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import rig
-from rig.cli import app
+from rig.cli.commands import app
 from rig.errors import UsageError
 
 _COMMANDS = {

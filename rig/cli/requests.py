@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 from rich.markup import escape
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.options import OperatorOption, RunArgument
 from rig.cli.show import err
 from rig.errors import ExitCode, RigError, UsageError

@@ -15,7 +15,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.options import BenchOption, OperatorOption, ProcedureArgument, RunArgument
 from rig.cli.progress import run_progress
 from rig.cli.show import err, mark, outlive_readers

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.options import JsonOption, OperatorOption, RunArgument
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode, RunFileError, UsageError

@@ -12,7 +12,7 @@ import typer
 from rich.markup import escape
 
 from rig.bench.config import parse_bench, read_text
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.options import RunArgument
 from rig.cli.show import err
 from rig.cli.unattended import facts_of

@@ -10,7 +10,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.options import JsonOption
 from rig.cli.show import err, out, print_json
 from rig.errors import ExitCode, RigError, UsageError

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.markup import escape
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.cli.options import JsonOption, RunArgument
 from rig.cli.show import mark, out, print_json
 from rig.errors import ExitCode, RunFileError, UsageError

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.errors import ExitCode, UsageError
 
 

@@ -9,16 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any, NamedTuple, Protocol
 
-from rig.bench.approach import Approach
-from rig.bench.quantities import PRESSURE_UNIT, TEMPERATURE_UNIT
 from rig.drivers.errors import DriverError, InstrumentError, NotReady
-from rig.drivers.roles import AxisState, Chamber, Head, Instrument, PressureController, Referenced, Source
+from rig.drivers.roles import AxisState, Head, PressureController, Referenced
 from rig.engine.fault_classes import DriveFault, NotHomed, SupplyFailure
-from rig.engine.held import held_factors, of_head
-from rig.errors import ConfigurationError
-from rig.instruments.opening import Bench
-from rig.procedures.column_names import stem_of, unit_of
-from rig.procedures.plan.run_list import Factor, RunList
+from rig.procedures.plan.run_list import Factor
 
 CHAMBER_MARGIN_DEGC = 2.0
 """Difference by which a chamber may pass a limit, which overshoots a setpoint at it before it settles."""
@@ -314,67 +308,3 @@ class Axes:
     def parking(self) -> dict[str, float]:
         """Parking position by axis."""
         return {axis: target for mover in self._movers for axis, target in mover.parking().items()}
-
-
-def axes_of(
-    bench: Bench,
-    factors: Sequence[Factor],
-    band: Callable[[str], float] = lambda _: 0.0,
-    near: Callable[[str], float] = lambda _: 0.0,
-) -> Axes:
-    """The axes of these factors on a bench; factors that a person sets have none.
-
-    Args:
-        bench: opened instruments.
-        factors: what they move.
-        band: how near its setting an axis counts as there.
-        near: how near its level the reading of a factor's standard is brought, where it is.
-
-    Raises:
-        ConfigurationError: nothing sets a factor, or its instrument cannot.
-    """
-    movers: list[Mover] = []
-    if any(of_head(bench, f) for f in factors):
-        movers.append(HeadMover(bench.head))
-    movers += [
-        _mover(bench, f, band(f.axis), near) for f in factors if not of_head(bench, f) and bench.by_hand(f.name) is None
-    ]
-    return Axes(movers)
-
-
-def _mover(bench: Bench, factor: Factor, band: float, near: Callable[[str], float]) -> Mover:
-    """What sets a factor, as an axis. Raises `ConfigurationError` if it cannot."""
-    name, instrument = bench.setting(factor.name, Instrument)
-    of = bench.config.steered.get(factor.name)
-    if of is not None:
-        from rig.engine.steered import Steered  # noqa: PLC0415 - it is an axis, too
-
-        own, pairs = Factor(of, stem_of(of)), bench.config.references[factor.name].approach or ()
-        return Steered(_mover(bench, own, band, near), own, factor, Approach.of(pairs), near(factor.name))
-    if isinstance(instrument, PressureController):
-        mover: Mover = PressureMover(instrument, factor)
-        unit = PRESSURE_UNIT
-    elif isinstance(instrument, Chamber):
-        mover, unit = ChamberMover(instrument, factor), TEMPERATURE_UNIT
-    elif isinstance(instrument, Source):
-        mover, unit = SourceMover(instrument, factor, band), instrument.unit()
-    else:
-        raise ConfigurationError(
-            f"bench {bench.config.name}: {name} cannot set {factor.name}: it is neither a source nor a pressure "
-            f"controller, a chamber or a person"
-        )
-    if unit != unit_of(factor.name):
-        raise ConfigurationError(
-            f"bench {bench.config.name}: {name} sets {unit}, not {unit_of(factor.name)}: call the factor "
-            f"{factor.axis}_{unit}, with levels in {unit}"
-        )
-    return mover
-
-
-def own_limits(bench: Bench, run_list: RunList) -> dict[str, tuple[float, float]]:
-    """The instruments' own (low, high) by factor name."""
-    moved = (*run_list.easy, *held_factors(bench, run_list))
-    span = axes_of(bench, moved).span()
-    found = {f.name: span[f.axis] for f in moved if f.axis in span}
-    soaked = (f for f in run_list.hard if f.name not in found and bench.by_hand(f.name) is None)
-    return found | {f.name: bench.soaks(f.name)[1].limits() for f in soaked}

@@ -17,7 +17,7 @@ from rig.engine.read_by_hand import ToRead
 from rig.engine.set_by_hand import SetByHand as Settings
 from rig.engine.set_by_hand import ToSet
 from rig.instruments.person import Person
-from rig.procedures.plan.by_hand import HandStep, next_step
+from rig.procedures.plan.hand_steps import HandStep, next_step
 from rig.procedures.plan.run_list import Point, RunList
 from rig.procedures.present.shell import shell_word
 from rig.run_file.events.by_hand import AskedByHand, AskedToRead, AskedToSet, DoneByHand, ReadByHand, SetByHand

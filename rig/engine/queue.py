@@ -7,7 +7,7 @@ postponed before it are tried again before it.
 
 from __future__ import annotations
 
-from rig.procedures.plan.by_hand import next_step
+from rig.procedures.plan.hand_steps import next_step
 from rig.procedures.plan.run_list import Point, RunList
 from rig.run_file.state import RunState
 

@@ -16,7 +16,7 @@ from rig.drivers.clock import Clock
 from rig.drivers.errors import DriverError
 from rig.engine.actions import BenchActions
 from rig.engine.at_point import AtPoint
-from rig.engine.axes import axes_of, own_limits
+from rig.engine.axes_of_bench import axes_of, own_limits
 from rig.engine.by_hand import ByHand
 from rig.engine.deciding import Deciding
 from rig.engine.early_warning import EarlyWarnings

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from rig.bench.config import BenchConfig
 from rig.engine.pace import Pace
-from rig.procedures.plan.by_hand import ALLOWANCE_H
 from rig.procedures.plan.conduct import Conduct
+from rig.procedures.plan.hand_steps import ALLOWANCE_H
 from rig.procedures.plan.run_list import RunList
 from rig.run_file.chain import Record
 from rig.run_file.reader import RunReader

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from rig.bench.typed import TypedColumn
 from rig.drivers.errors import Unreachable
 from rig.errors import BenchFault
-from rig.procedures.plan.by_hand import HandStep
+from rig.procedures.plan.hand_steps import HandStep
 
 SIMULATED = "simulated person"
 _REAL_S = 5.0

@@ -16,7 +16,7 @@ from rig.bench.quantities import TEMPERATURE_UNIT
 from rig.errors import ConfigurationError
 from rig.fitter.arrays import FloatArray
 from rig.procedures.column_names import spelled, stem_of, unit_of
-from rig.procedures.plan.by_hand import Made
+from rig.procedures.plan.hand_steps import Made
 from rig.procedures.tables.table import Columns
 from rig.register.check import entries
 from rig.register.schema import PERCENT, Register

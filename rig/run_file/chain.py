@@ -12,9 +12,10 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 from rig.run_file.bodies import shown
+from rig.run_file.columns import Columns
 from rig.run_file.events.event import Event, body_of, decode
 from rig.run_file.events.points import ACCEPTED, Observed
 
@@ -25,19 +26,7 @@ StoredRow = tuple[Any, ...]
 """A record as stored: number, own columns, predecessor's hash, own hash."""
 
 
-class _Columns(NamedTuple):
-    session: int
-    kind: str
-    elapsed_s: float
-    utc_s: float
-    run_index: int | None = None
-    whole_plot: int | None = None
-    attempt: int | None = None
-    status: str | None = None
-    body: str = "{}"
-
-
-class Record(_Columns):
+class Record(Columns):
     """One record.
 
     Attributes:

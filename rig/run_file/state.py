@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
-from rig.procedures.plan.by_hand import HandStep, undone
+from rig.procedures.plan.hand_steps import HandStep, undone
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault, Learned, MadeSafe, Prepared, Preparing, Warned

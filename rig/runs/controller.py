@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from rig.bench.bench_file import check_options
 from rig.drivers.clock import Clock, RealClock, ScaledClock, boot_id
 from rig.drivers.errors import DriverError
-from rig.engine.axes import own_limits
+from rig.engine.axes_of_bench import own_limits
 from rig.engine.gap import Gap, gap_since
 from rig.engine.guard import Guard
 from rig.engine.holes import WatchedClock

@@ -25,7 +25,7 @@ from rig.engine.pace import Pace, follows_s
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
 from rig.procedures.column_names import unit_of
-from rig.procedures.plan.by_hand import ALLOWANCE_H, HandStep
+from rig.procedures.plan.hand_steps import ALLOWANCE_H, HandStep
 from rig.procedures.plan.run_list import RunList
 from rig.run_file.events.points import Observed, WholePlotBegan
 from rig.run_file.reader import RunReader

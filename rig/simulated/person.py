@@ -8,7 +8,7 @@ from rig.instruments.person import SIMULATED
 
 if TYPE_CHECKING:
     from rig.bench.typed import TypedColumn
-    from rig.procedures.plan.by_hand import HandStep
+    from rig.procedures.plan.hand_steps import HandStep
     from rig.sims.bench import SimBench
 
 

@@ -22,7 +22,6 @@ from rig.procedures.tables.table import Table
 from rig.tables.cells_written import cells_of
 from rig.tables.evidence import without_evidence
 from rig.tables.of_others.asked import NOTHING, Asked
-from rig.tables.of_others.cells import Cells
 from rig.tables.of_others.footers import footers
 from rig.tables.of_others.layout import NoTable
 from rig.tables.of_others.numbers import (
@@ -36,6 +35,7 @@ from rig.tables.of_others.numbers import (
     may_have_gaps,
     maybe_gap,
 )
+from rig.tables.of_others.table import TableOfOthers
 
 _MOST_COLUMNS = 2000
 _BLANK = frozenset(("\n", "\r\n", "\r"))
@@ -80,7 +80,7 @@ def _of_numbers_alone(path: Path, asked: Asked) -> Table:
         return found.strict()
 
 
-def _of_others_alone(path: Path, refusal: UsageError) -> Cells:
+def _of_others_alone(path: Path, refusal: UsageError) -> TableOfOthers:
     """`_of_others`; where there is a question about a table like ours, the refusal is raised instead."""
     try:
         return _of_others(path, refusal)
@@ -98,13 +98,13 @@ def _is_like_ours(path: Path) -> bool:
         return False
 
 
-def cells_of_others(path: Path, asked: Asked) -> Cells:
+def cells_of_others(path: Path, asked: Asked) -> TableOfOthers:
     """A table of others. Raises `UsageError`."""
     with _regular(path, _MOST_CELLS) as file:
-        return Cells.read(path, file.read(), asked)
+        return TableOfOthers.read(path, file.read(), asked)
 
 
-def _of_others(path: Path, refusal: UsageError) -> Cells:
+def _of_others(path: Path, refusal: UsageError) -> TableOfOthers:
     """A table that is not like ours. Raises the refusal if there is none, or another `UsageError`."""
     try:
         return cells_of_others(path, NOTHING)

@@ -19,7 +19,7 @@ import numpy as np
 
 from rig.errors import RunFileError
 from rig.procedures.column_names import moves_of, since_of, spelled, split_unit, with_word
-from rig.procedures.plan.by_hand import Made
+from rig.procedures.plan.hand_steps import Made
 from rig.procedures.plan.run_list import RunList
 from rig.procedures.present.shell import shell_word
 from rig.procedures.tables.table import CORRECTED, SENSOR_TEMPERATURE, Columns, Table

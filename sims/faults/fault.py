@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import inf
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 if TYPE_CHECKING:
-    from rig.sims.faults.faulty_wire import FaultyWire
     from rig.sims.physics import Plant
     from rig.sims.world import World
 
@@ -134,6 +133,13 @@ class Fault:
         return f"{self.kind}{f' on {self.on}' if self.on else ''} {when}{f' ({rest})' if rest else ''}"
 
 
+class CanBeDeaf(Protocol):
+    """An instrument's wire."""
+
+    def deafen(self, until: float) -> None:
+        """Lose every message until a world time."""
+
+
 @dataclass(frozen=True)
 class Striking:
     """A fault at the time it happens, and its targets.
@@ -154,7 +160,7 @@ class Striking:
     world: World
     plant: Plant
     twin: Any
-    wire: FaultyWire | None
+    wire: CanBeDeaf | None
 
 
 Over = Callable[[], None]

@@ -13,8 +13,9 @@ from certificate_lab import ISSUED, settled, stand
 
 from rig.errors import UsageError
 from rig.verbs.certificate import files
+from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.issue import Issue, issue
-from rig.verbs.certificate.result import Asked, Made, make
+from rig.verbs.certificate.result import Made, make
 
 pytest.importorskip("typst")
 TOLERANCE = '[[tolerance]]\nresult = "every output"\nunit = "V"\nnominal = "0.1 + 0.5*force_kN"\ndeviation = {}\n'

@@ -11,8 +11,9 @@ from command import rig
 
 from rig.fitter.rounding import rounded_df
 from rig.verbs.budget.evaluation import budget_run
+from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.html import html
-from rig.verbs.certificate.result import Asked, Made, make
+from rig.verbs.certificate.result import Made, make
 from rig.verbs.certificate.runs import read_run
 
 LAB = Path(__file__).parents[2] / "examples" / "load-cell-lab"

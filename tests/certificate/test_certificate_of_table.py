@@ -11,8 +11,9 @@ import pytest
 from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
 from command import rig
 
+from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.layout import sections
-from rig.verbs.certificate.result import Asked, Refused, make
+from rig.verbs.certificate.result import Refused, make
 
 DAY = date.fromisoformat(ISSUED)
 TABLE = """[table]

@@ -10,8 +10,9 @@ import pytest
 from certificate_lab import ISSUED, settled, stand
 
 from rig.errors import ConfigurationError
+from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.layout import sections
-from rig.verbs.certificate.result import Asked, Refused, make
+from rig.verbs.certificate.result import Refused, make
 from rig.verbs.certificate.runs import read_run
 from rig.verbs.certificate.tolerances import ToleranceSettings
 

@@ -15,10 +15,11 @@ from rig.errors import ConfigurationError
 from rig.register import parse_register
 from rig.verbs.certificate import words
 from rig.verbs.certificate.as_dcc import dcc
+from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.blocks import Grid
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.layout import sections
-from rig.verbs.certificate.result import Asked, make
+from rig.verbs.certificate.result import make
 from rig.verbs.certificate.runs import read_run
 
 pytest.importorskip("typst")

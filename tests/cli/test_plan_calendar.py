@@ -12,7 +12,8 @@ from rig.bench.config import parse_bench
 from rig.register import absent, parse_register
 from rig.simulated.calendar import dated
 from rig.verbs.budget.evaluation import checked_run
-from rig.verbs.certificate.result import Asked, make
+from rig.verbs.certificate.asked import Asked
+from rig.verbs.certificate.result import make
 from rig.verbs.plan.result import plan
 
 WITH_ASSETS = BENCH.replace('driver = "person"', 'driver = "person"\nasset = "W-1"').replace(

@@ -19,8 +19,8 @@ from pydantic import ValidationError
 import rig
 from rig.engine.by_hand import ByHand
 from rig.engine.session import Outcome, Progress, Signals
-from rig.procedures.plan.by_hand import HandStep
 from rig.procedures.plan.fault_policies import ABORT
+from rig.procedures.plan.hand_steps import HandStep
 from rig.procedures.present.blocks import Line
 from rig.run_file.events.by_hand import AskedByHand, DoneByHand
 from rig.run_file.live import live_path, read_json, request_path

@@ -12,7 +12,7 @@ from general_lab import BENCH, PROCEDURE, REFERENCE, WORLD_WITH_STANDARD, run_dr
 from ideal_bench import new_run, run_session
 from typer.testing import CliRunner
 
-from rig.cli import app
+from rig.cli.commands import app
 from rig.engine.actions import BenchActions
 from rig.engine.measuring import Channel
 from rig.engine.session import Outcome

@@ -21,10 +21,11 @@ from rig.register import Told, check_register, check_surroundings, holds_of, par
 from rig.runs.plans import load_plan
 from rig.verbs.budget.evaluation import checked_run
 from rig.verbs.certificate.as_dcc import dcc
+from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.layout import sections
 from rig.verbs.certificate.numbers import plain
-from rig.verbs.certificate.result import Asked, Refused, make
+from rig.verbs.certificate.result import Refused, make
 from rig.verbs.certificate.runs import read_run
 from rig.verbs.plan import foreseen
 from rig.verbs.plan.result import plan

@@ -16,7 +16,7 @@ from dry import LAB, SHORT, dry
 from few_sensors import with_sensors
 
 from rig.by_kind import fit_table
-from rig.cli import app
+from rig.cli.commands import app
 from rig.errors import UsageError
 from rig.procedures.present.blocks import Line
 from rig.tables import run_table, write_csv

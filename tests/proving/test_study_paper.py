@@ -28,7 +28,7 @@ from proving.paper.table_1 import table_1
 from proving.paper.table_2 import EXPERIMENTS, FRACTION_53, FRACTION_73, UNDER, Measured, bias_limit, identities
 from proving.paper.words import NOT_ALIKE
 from proving.truth.attitude import GRAVITY, Sensor, turn_pitch, turn_roll
-from rig.cli import app
+from rig.cli.commands import app
 from rig.files.toml_text import toml_text
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.designs import grid, tumble

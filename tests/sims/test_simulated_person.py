@@ -8,7 +8,7 @@ import pytest
 from general_lab import PROCEDURE, WORLD, run_dry
 
 from rig.errors import ConfigurationError
-from rig.procedures.plan.by_hand import HandStep
+from rig.procedures.plan.hand_steps import HandStep
 from rig.run_file.events.by_hand import DoneByHand
 from rig.run_file.reader import RunReader
 from rig.sims.physics.by_hand import PersonTruth

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-import rig.procedures.general.models as here
 from rig.fitter.arithmetic import quoted
 from rig.fitter.arrays import FloatArray
 from rig.fitter.errors import FitError
@@ -24,8 +24,8 @@ from rig.procedures.general.models.entry import StandardModel
 def standard_models() -> Mapping[str, StandardModel]:
     """Every standard model by name."""
     found: dict[str, StandardModel] = {}
-    for module in sorted(each.name for each in pkgutil.iter_modules(here.__path__)):
-        for model in getattr(import_module(f"{here.__name__}.{module}"), "MODELS", ()):
+    for module in sorted(each.name for each in pkgutil.iter_modules([str(Path(__file__).parent)])):
+        for model in getattr(import_module(f"{__package__}.{module}"), "MODELS", ()):
             found[model.name] = model
     return MappingProxyType(found)
 

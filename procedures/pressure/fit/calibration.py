@@ -18,8 +18,9 @@ from rig.fitter.sums_of_squares import FTest
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.fit import lack_of_fit
 from rig.procedures.pressure.fit.errors import Errors, Layout, estimate_errors
-from rig.procedures.pressure.fit.methods import METHODS, MethodFit, Problem, fit_method
+from rig.procedures.pressure.fit.methods import METHODS, MethodFit, fit_method
 from rig.procedures.pressure.fit.models import HIERARCHICAL, check_determined, named_formula, reduced
+from rig.procedures.pressure.fit.problem import Problem
 
 NOT_NESTED = "too few measurements for an own error of replications: it is part of the whole-plot error"
 

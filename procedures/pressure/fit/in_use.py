@@ -23,7 +23,7 @@ from scipy import special
 from rig.fitter.arrays import FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from rig.procedures.pressure.fit.methods import Problem
+    from rig.procedures.pressure.fit.problem import Problem
 
 OWN = 1e-6
 """Smallest singular value of 1 - H_ww for which other whole plots predict whole plot w."""

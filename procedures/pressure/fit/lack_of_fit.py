@@ -8,7 +8,7 @@ import numpy as np
 
 from rig.fitter.linear import orthonormal
 from rig.fitter.sums_of_squares import NAN, FTest
-from rig.procedures.pressure.fit.methods import Problem
+from rig.procedures.pressure.fit.problem import Problem
 
 
 def lack_of_fit(problem: Problem) -> FTest:

@@ -10,7 +10,7 @@ from rig.run_file.bodies import Count, Counts, Seconds, Table, Text, Words
 from rig.run_file.events.event import DETAIL, EMPTY, ROUTINE, Event, Importance, Status, at
 
 if TYPE_CHECKING:
-    from rig.run_file.chain import Record
+    from rig.run_file.columns import Columns
 
 
 _ABORT = "abort"
@@ -27,7 +27,7 @@ class AsFound(Event, status="as-found", matters=ROUTINE):
     chambers: Table = EMPTY
     restarted: Words = ()
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Who had restarted."""
         return f"the bench was read as found{_restarted(self.restarted)}"
 
@@ -40,7 +40,7 @@ class ReadBack(Event, status="read-back", matters=ROUTINE, exported=True):
     chambers: Table = EMPTY
     restarted: Words = ()
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Who had restarted."""
         return f"the bench was read back{_restarted(self.restarted)}"
 
@@ -126,7 +126,7 @@ class MadeSafe(Event, status="safe", exported=True):
         )
         return f"safe after {self.seconds:.1f} s{late}"
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """How long it took, or what is not safe."""
         return self.words if self.unsafe else f"{', '.join(self.only) or 'bench'} {self.words}"
 
@@ -180,7 +180,7 @@ class Fault(Event, kind="fault", exported=True):
         """Class of fault and decision: "no_reply: retry"."""
         return f"{self.fault or 'fault'}: {self.decision}"
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """The fault, its place, its number, and the decision."""
         name = (self.fault or "fault").replace("_", " ")
         where = at(record) or (f" while {self.where}" if self.where else "")
@@ -196,7 +196,7 @@ class Recovered(Event, status="recovered", exported=True):
     place: Text = ""
     failures: Counts = EMPTY
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """After what."""
         what = ", ".join(f"{fault.replace('_', ' ')} {n}x" for fault, n in self.failures.items())
         return f"{self.place}: went well in the end, after {what}"

@@ -9,7 +9,7 @@ from rig.run_file.bodies import Count, MaybeNumber, Number, Seconds, Text, Truth
 from rig.run_file.events.event import DECISION, DETAIL, Event, Importance
 
 if TYPE_CHECKING:
-    from rig.run_file.chain import Record
+    from rig.run_file.columns import Columns
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +35,7 @@ class AskedByHand(
     value: Text = ""
     timeout_s: Seconds
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """The task."""
         asked = f"; {self.value} is asked for" if self.value else ""
         return f"a person is asked for step {self.step}, before point {self.before}: {self.say.rstrip('. ')}{asked}"
@@ -66,7 +66,7 @@ class DoneByHand(Event, kind="by-hand", status="done", matters=DECISION, exporte
     who: Text = ""
     waited_s: Seconds = 0.0
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """The step, its author, and the stated value."""
         by = f" by {self.who}" if self.who else ""
         stated = "" if self.number is None else f", {self.value} = {self.number!r}"
@@ -94,7 +94,7 @@ class AskedToSet(
     say: Text
     timeout_s: Seconds
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """The task."""
         return f"a person is asked, for point {self.before}: {self.say}"
 
@@ -120,7 +120,7 @@ class SetByHand(Event, kind="by-hand", status="set", matters=DECISION, exported=
     who: Text = ""
     waited_s: Seconds = 0.0
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """The setting, its author, and the stated value."""
         by = f" by {self.who}" if self.who else ""
         stated = "" if self.number is None else f", stated as {self.number!r}"
@@ -153,7 +153,7 @@ class AskedToRead(
         """Only the first reading calls a person, who is there for the next ones."""
         return self.matters if self.number == 1 else Importance("decision", "info")
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """The task."""
         return f"a person is asked, at point {record.run_index}: {self.say}"
 
@@ -181,7 +181,7 @@ class ReadByHand(Event, kind="by-hand", status="read", matters=DETAIL, exported=
     who: Text = ""
     waited_s: Seconds = 0.0
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """The reading and its author."""
         by = f" by {self.who}" if self.who else ""
         sure = ", far from the others there and confirmed" if self.confirmed else ""

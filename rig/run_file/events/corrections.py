@@ -9,7 +9,7 @@ from rig.run_file.bodies import Count, Number, Text, Values, Words
 from rig.run_file.events.event import EMPTY, Event, Importance
 
 if TYPE_CHECKING:
-    from rig.run_file.chain import Record
+    from rig.run_file.columns import Columns
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ class Corrected(Event, kind="correction", matters=Importance("decision", "warnin
     who: Text = ""
     after: Words = EMPTY
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Both values, the reason and the author."""
         by = f" by {self.who}" if self.who else ""
         after = f", after certificate {', '.join(self.after)}" if self.after else ""

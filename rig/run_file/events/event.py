@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, get_args
 from rig.run_file.bodies import ContentsError, Kind, shown
 
 if TYPE_CHECKING:
-    from rig.run_file.chain import Record
+    from rig.run_file.columns import Columns
 
 
 class Importance(NamedTuple):
@@ -157,7 +157,7 @@ class Event:
             given[shape.status] = status or ""
         return cls(**given)
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """The event as a sentence.
 
         Args:
@@ -183,14 +183,14 @@ class Unknown(Event, kind=""):
     sort: str
     content: Mapping[str, Any]
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Its name, and the sentence stored in its body, under any of these keys."""
         found = (self.content[key] for key in ("message", "reason", "why", "cause") if key in self.content)
         said = next((text for text in found if isinstance(text, str) and text), "")
         return f"{self.sort}{at(record)}{f': {said}' if said else ''}"
 
 
-def at(record: Record) -> str:
+def at(record: Columns) -> str:
     """The place, if it has a point: "... at point 3"."""
     return "" if record.run_index is None else f" at point {record.run_index}"
 

@@ -23,7 +23,7 @@ from rig.run_file.bodies import (
 from rig.run_file.events.event import DECISION, DETAIL, EMPTY, LOSS, ROUTINE, Event, Importance, Status
 
 if TYPE_CHECKING:
-    from rig.run_file.chain import Record
+    from rig.run_file.columns import Columns
 
 
 ACCEPTED, REJECTED = "accepted", "rejected"
@@ -108,7 +108,7 @@ class Observed(Event, kind="observation", matters=DETAIL):
         """A rejected observation is reported."""
         return self.matters if self.accepted else DECISION
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Whether the observation was accepted."""
         if self.accepted:
             return f"point {record.run_index} observed"
@@ -149,7 +149,7 @@ class Skipped(Event, kind="skip", exported=True):
         """Skipped points are reported to people."""
         return Importance("decision", "warning", "warning" if self.final else "event")
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Which, and why."""
         return f"point {record.run_index} {'skipped' if self.final else 'put off'}: {self.reason}"
 
@@ -160,7 +160,7 @@ class Renewing(Event, status="renewing", matters=ROUTINE):
 
     setpoints_degC: Numbers = EMPTY
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Where to."""
         return f"leaving temperatures that stand, for {_settings(self.setpoints_degC)}"
 
@@ -196,7 +196,7 @@ class WholePlotBegan(Event, status="whole-plot"):
     settings: Numbers = EMPTY
     approach: Arrivals = EMPTY
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Which, and where."""
         others = [f"{name} {value:g}" for name, value in self.settings.items()]
         where = ", ".join([*([_settings(self.setpoints_degC)] if self.setpoints_degC else []), *others])
@@ -231,7 +231,7 @@ class WholePlotLost(Event, status="whole-plot-lost", matters=LOSS, exported=True
         """Indexes of its points."""
         return range(self.first, self.first + self.count)
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Reason and consequence."""
         kept = "" if self.kept is None else f"readings kept: {self.kept}, "
         return f"whole plot {record.whole_plot} lost: {self.reason}; {kept}it is measured again under a new identity"

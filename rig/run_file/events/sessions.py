@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rig.procedures.plan.by_hand import HandStep
+from rig.procedures.plan.hand_steps import HandStep
 from rig.run_file.bodies import Count, MaybeText, Seconds, Steps, Text, Texts, Truth, Whole, Words
 from rig.run_file.events.event import (
     DECISION,
@@ -21,7 +21,7 @@ from rig.run_file.events.event import (
 from rig.who import told
 
 if TYPE_CHECKING:
-    from rig.run_file.chain import Record
+    from rig.run_file.columns import Columns
 
 
 _UNKNOWN_GAP = "a gap of unknown length: the machine restarted, and its clock was wrong or is"
@@ -129,7 +129,7 @@ class SessionBegan(Event, kind="session", matters=Importance("session", "info", 
         """The clock reading at which the run's elapsed time was zero."""
         return self.clock_s - self.elapsed_s
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Session, operator, gap before it, and lost records."""
         words = f"session {record.session} began{f', operator {self.by}' if self.by else ''}"
         if record.session > 1:
@@ -174,7 +174,7 @@ class Identified(Event, kind="identity"):
         serial = self.serial if self.confirmed else "serial number not told"
         return f"{self.maker} {self.model}, {serial}, asset {self.asset or 'not declared'}"
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Identity, and whether it replaces another instrument."""
         again = "" if self.replaces is None else ", accepted in place of another one"
         return f"{self.instrument}: {self.words}{again}"
@@ -202,7 +202,7 @@ class Held(Event, kind="hold", matters=Importance("decision", "warning", "hold")
 
     why: Text = ""
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Where and why."""
         return f"held{at(record)}{f': {self.why}' if self.why else ''}"
 
@@ -254,7 +254,7 @@ class Ended(
         """See `Event.ending`; lost points are said."""
         return f"{self.how}, without {len(self.skipped)} of its points" if self.skipped else self.how
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """How many points it has, and how many were lost."""
         lost = f", {len(self.skipped)} lost" if self.skipped else ""
         return f"{self.how}: {self.accepted} points observed{lost}, {self.records} records before this one"
@@ -302,7 +302,7 @@ class Hole(Event, status="hole", matters=LOSS, exported=True):
     hole_s: Seconds
     where: Text = ""
 
-    def sentence(self, record: Record) -> str:
+    def sentence(self, record: Columns) -> str:
         """Length, place, and consequence."""
         where = at(record) or f" while {self.where}"
         return (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rig.procedures.plan.by_hand import next_step
+from rig.procedures.plan.hand_steps import next_step
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import AsFound, Fault
 from rig.run_file.events.by_hand import (

@@ -1,22 +1,21 @@
-"""A table of others as columns: of numbers, of text, with gaps."""
+"""The cells of a table of others, as they stand in its file."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from rig.errors import UsageError
-from rig.procedures.tables.file_rows import rows_in_words
-from rig.procedures.tables.table import Table
 from rig.tables.of_others.asked import Asked
+from rig.tables.of_others.cell_times import dates_with_dots, times_of
 from rig.tables.of_others.encoding import text_of
 from rig.tables.of_others.footers import footers, labelled_rows
 from rig.tables.of_others.layout import NO_SEPARATOR, Layout, NoTable, is_time, layout_of
@@ -30,8 +29,8 @@ from rig.tables.of_others.numbers import (
     looks_like_number,
     maybe_gap,
     notation_of,
+    without_units,
 )
-from rig.tables.of_others.said import dates_with_dots, sentences, times_of, without_units
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class Cells:
     whole: bool = False
 
     @classmethod
-    def read(cls, path: Path, data: bytes, asked: Asked) -> Cells:
+    def read(cls, path: Path, data: bytes, asked: Asked) -> Self:
         """The table in the bytes of a file. Raises `UsageError`."""
         text, encoding = text_of(data, str(path), asked.encoding)
         lines = list(lines_of(text))
@@ -116,14 +115,14 @@ class Cells:
         """Number of cells with each word that stands in a column of numbers for no reading."""
         found: dict[str, int] = {}
         for name, cells in self.columns.items():
-            words = self._words[name]
+            words = self.words_for_none[name]
             for cell, count in Counter(cells).items():
                 if cell in words or is_overload(cell):
                     found[cell] = found.get(cell, 0) + count
         return found
 
     @cached_property
-    def _words(self) -> dict[str, frozenset[str]]:
+    def words_for_none(self) -> dict[str, frozenset[str]]:
         """Words for no reading in each column: only where all other cells are numbers."""
         found = {}
         for name, cells in self.columns.items():
@@ -138,11 +137,11 @@ class Cells:
         cells = self.columns[name]
         if not (maybe := {cell for cell in set(cells) if maybe_gap(cell) and not is_missing(cell)}):
             return frozenset()
-        gaps = gaps_of(np.array([np.nan if value is None else value for value in self._read[name]], np.float64))
+        gaps = gaps_of(np.array([np.nan if value is None else value for value in self.as_numbers[name]], np.float64))
         return frozenset(cell for cell in maybe if self.notation.number(cell) in gaps)
 
     @cached_property
-    def _read(self) -> dict[str, list[float | None]]:
+    def as_numbers(self) -> dict[str, list[float | None]]:
         """The cells of each column as numbers, None for a cell that is none."""
         return {name: list(map(self.notation.number, cells)) for name, cells in self.columns.items()}
 
@@ -159,106 +158,27 @@ class Cells:
         ordinary = ordinary and not self.no_readings and not self.empty and not self.in_cells and not self.whole
         return ordinary and self.layout.header == 1 and self.notation == Notation()
 
-    def any(self, needed: Collection[str]) -> Table:
-        """All columns; rows without a value in a needed column are left out, and other columns with gaps.
-
-        Raises:
-            UsageError: a needed column is missing, or no row has all values.
-        """
-        self._check(needed)
-        kept = np.ones(len(self.rows), bool)
-        gaps: dict[str, list[int]] = {}
-        for name in needed:
-            missing = self._missing(name)
-            if missing.any():
-                gaps[name] = [self.rows[i] for i in np.flatnonzero(missing)]
-                kept &= ~missing
-        if not kept.any():
-            names = " and ".join(gaps)
-            raise UsageError(f"{self.path}: no row has a value in {names}; choose columns that have values")
-        columns: dict[str, Any] = {}
-        text: dict[str, Any] = {}
-        left: dict[str, int] = {}
-        for name in self.columns:
-            missing = (self._missing(name) | self._endless(name)) & kept
-            if name not in needed and missing.any():
-                left[name] = self.rows[int(np.flatnonzero(missing)[0])]
-                continue
-            values = self._values(name, kept, self._missing(name))
-            (columns if values.dtype.kind == "f" else text)[name] = values
-        rows = [row for row, keep in zip(self.rows, kept, strict=True) if keep]
-        return self._table(columns, text, rows, self._understood(gaps), left)
-
-    def gappy(self, numbers: Collection[str] = ()) -> Table:
-        """All columns and rows: NaN for a missing number, "" for missing text. Raises `UsageError`."""
-        columns: dict[str, Any] = {}
-        text: dict[str, Any] = {}
-        every = np.ones(len(self.rows), bool)
-        for name, cells in self.columns.items():
-            missing = self._missing(name)
-            if name not in numbers:
-                missing |= self._endless(name)
-            values = self._values(name, every, missing, numeric=name in numbers)
-            if values.dtype.kind == "f":
-                columns[name] = values
-            else:
-                text[name] = np.array(["" if gap else cell for cell, gap in zip(cells, missing, strict=True)])
-        return self._table(columns, text, self.rows, self._understood({}))
-
-    def strict(self) -> Table:
-        """All columns as numbers without gaps. Raises `UsageError`."""
-        columns: dict[str, Any] = {}
-        for name, cells in self.columns.items():
-            missing = self._missing(name) | np.array([is_missing(cell) for cell in cells])
-            if missing.any():
-                at = int(np.flatnonzero(missing)[0])
-                where = f"{self.path}, row {self.rows[at]}, column {name}"
-                stands = f" ({cells[at]} stands for none)" if cells[at] in self._words[name] else ""
-                raise UsageError(f"{where}: the value is missing{stands}; fill it in or remove the row")
-            columns[name] = self._values(name, np.ones(len(self.rows), bool), missing, numeric=True)
-        return self._table(columns, {}, self.rows, self._understood({}))
-
-    def _table(
-        self,
-        columns: dict[str, Any],
-        text: dict[str, Any],
-        rows: Sequence[int],
-        understood: dict[str, Any],
-        gaps: dict[str, int] | None = None,
-    ) -> Table:
-        simulated = bool(np.any(columns.get("simulated", 0.0)))
-        provenance = {"file": self.path.name, "simulated": simulated}
-        return Table(
-            str(self.path), columns, simulated, provenance, text=text, gaps=gaps or {}, rows=rows, units=self.units,
-            understood=understood,
-        )  # fmt: skip
-
-    def _check(self, needed: Collection[str]) -> None:
-        for name in needed:
-            if name in self.columns:
-                continue
-            if name in self.renamed:
-                several = [one for one in self.columns if one.startswith(f"{name} (column ")]
-                raise UsageError(f"{self.path}: {name!r} is the name of several columns: say {' or '.join(several)}")
-            raise UsageError(f"{self.path}: there is no column {name!r}; it has {', '.join(self.columns)}")
-
-    def _missing(self, name: str) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    def missing(self, name: str) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """(n,) whether a cell has no value; "-" beside "+" is a direction."""
         cells = self.columns[name]
         signs = {cell for cell in cells if cell} <= {"+", "-"} and "+" in cells
-        gaps = {one for one in set(cells) if one == "" or (is_missing(one) and not signs) or one in self._words[name]}
+        gaps = {
+            one
+            for one in set(cells)
+            if one == "" or (is_missing(one) and not signs) or one in self.words_for_none[name]
+        }
         return np.array([cell in gaps for cell in cells])
 
-    def _endless(self, name: str) -> np.ndarray[Any, np.dtype[np.bool_]]:
+    def endless(self, name: str) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """(n,) whether a cell is an infinite number."""
-        return np.array([value in (np.inf, -np.inf) for value in self._read[name]])
+        return np.array([value in (np.inf, -np.inf) for value in self.as_numbers[name]])
 
-    def _values(
+    def values(
         self, name: str, kept: np.ndarray[Any, Any], missing: np.ndarray[Any, Any], *, numeric: bool = False
     ) -> np.ndarray[Any, Any]:
         """(n kept,) values of a column: numbers, with NaN for missing ones, if all are or must be; otherwise text."""
         cells = self.columns[name]
-        values = [None if gap else value for value, gap in zip(self._read[name], missing.tolist(), strict=True)]
+        values = [None if gap else value for value, gap in zip(self.as_numbers[name], missing.tolist(), strict=True)]
         bad = [i for i, value in enumerate(values) if value is None and not missing[i]]
         if bad and numeric:
             where = f"{self.path}, row {self.rows[bad[0]]}, column {name}"
@@ -272,32 +192,6 @@ class Cells:
                     f"{where}: {cells[i][:40]} is not a finite number; remove the row if there was no reading"
                 )
         return np.asarray(np.array([np.nan if value is None else value for value in values])[kept])
-
-    def _understood(self, gaps: dict[str, list[int]]) -> dict[str, Any]:
-        """How the table was read, as JSON values with a sentence; {} for a table like our own."""
-        said = list(sentences(self))
-        for name, rows in gaps.items():
-            many = "rows" if len(rows) > 1 else "row"
-            said.append(f"{len(rows)} {many} left out without a value in {name} ({rows_in_words(rows)})")
-        if self.layout.header and self.layout.before:
-            said.append(f"{self.layout.before} line{'s' * (self.layout.before > 1)} above the names not read")
-        if not said:
-            return {}
-        return {
-            "sentence": f"{self.path.name} was read as follows: {'; '.join(said)}",
-            "encoding": self.encoding,
-            "separator": self.layout.separator,
-            "decimal": self.notation.decimal,
-            "header_row": self.layout.header,
-            "units": self.units,
-            "times": {name: form for name, form in self.times.items() if form},
-            "rows_of_processing": list(self.layout.processing),
-            "constants": dict(self.layout.constants),
-            "rows_without_value": gaps,
-            "rows_of_remarks": list(self.remarks),
-            "rows_after": list(self.layout.after),
-            "rows_of_summaries": self.footers,
-        }
 
 
 def _named(names: Sequence[str], places: Sequence[int]) -> tuple[list[str], tuple[str, ...]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -47,6 +47,9 @@ _DISTINCT, _AWAY, _HUGE = 3, 5.0, ("37", "38")
 OVERLOAD = 9.9e37
 """What instruments with SCPI send for a reading beyond the range; 9.91e37 for none (SCPI-99, volume 1, 7.2.1.4)."""
 _OVERLOAD = re.compile(r"[+-]?9\.9(?:0*|10*)[eE]\+?37")
+
+_MOSTLY = 0.8
+"""Share of a column's cells that have its unit."""
 
 
 def is_missing(cell: str) -> bool:
@@ -230,3 +233,23 @@ def notation_of(
             f"say --decimal point or --decimal comma"
         )
     return Notation(".", grouped)
+
+
+def without_units(rows: Sequence[Sequence[str]], count: int) -> tuple[list[list[str]], dict[int, str]]:
+    """Rows without the units in their cells, such as "12.5 g", and the unit of each column that has one in its cells.
+
+    A column keeps its text where cells have different units, or more than a few have none.
+    """
+    found: dict[int, str] = {}
+    for column in range(count):
+        cells = (row[column] for row in rows if column < len(row))
+        if not with_unit(next((cell for cell in cells if not is_missing(cell)), ""))[0]:
+            continue
+        given = [row[column] for row in rows if column < len(row) and not is_missing(row[column])]
+        pairs = [with_unit(cell) for cell in given]
+        units = {unit for _, unit in pairs if unit}
+        if len(units) == 1 and sum(bool(unit) for _, unit in pairs) >= _MOSTLY * len(pairs):
+            found[column] = units.pop()
+    if not found:
+        return list(map(list, rows)), found
+    return [[with_unit(cell)[0] or cell if i in found else cell for i, cell in enumerate(row)] for row in rows], found

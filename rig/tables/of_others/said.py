@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from rig.procedures.tables.dates import Stamp, form_of, stamp_of
 from rig.procedures.tables.file_rows import rows_in_words
 from rig.tables.of_others.layout import NO_SEPARATOR
-from rig.tables.of_others.numbers import is_missing, with_unit
 
 if TYPE_CHECKING:
     from rig.tables.of_others.cells import Cells
 
-_SHOWN, _FEW, _LONG, _FIRST = 8, 3, 40, 50
+_SHOWN, _FEW, _LONG = 8, 3, 40
 _SAID = {";": "semicolons", "\t": "tabs", "|": "pipes", " ": "blanks"}
-_MOSTLY = 0.8
 _EPOCH = re.compile(r"time|epoch|stamp|zeit|^t\b|date", re.IGNORECASE)
 _TICKS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _SERIAL, _FROM_DAY, _TO_DAY = re.compile(r"excel|serial|ole|spreadsheet", re.IGNORECASE), 29221.0, 73051.0
@@ -112,33 +109,6 @@ def _columns(cells: Cells) -> Iterator[str]:
             yield f"{count} cell{'s' * (count > 1)} with {cell}: no reading, so no value"
 
 
-def times_of(columns: Mapping[str, Sequence[str]]) -> dict[str, str]:
-    """How the dates of columns are read, in words, by column; "" where they leave no doubt."""
-    found = {}
-    for name, cells in columns.items():
-        stamps = _stamps(cells)
-        if stamps:
-            found[name] = form_of(stamps)
-    return found
-
-
-def dates_with_dots(cells: Sequence[str]) -> bool:
-    """Whether a column has dates with dots between their numbers, as 24.11.2020."""
-    return any(stamp.numbers and stamp.sign == "." for stamp in _stamps(cells[:_FIRST]))
-
-
-def _stamps(cells: Sequence[str]) -> list[Stamp]:
-    """The times of a column; [] if it has anything else."""
-    found = []
-    for cell in cells:
-        if is_missing(cell):
-            continue
-        if (stamp := stamp_of(cell)) is None:
-            return []
-        found.append(stamp)
-    return found
-
-
 def _epoch(name: str, ends: Sequence[float | None]) -> str:
     """A sentence about a column of numbers that count from 1970; "" for any other."""
     first, last = ends
@@ -152,23 +122,3 @@ def _epoch(name: str, ends: Sequence[float | None]) -> str:
             start = datetime.fromtimestamp(first / many, UTC).strftime("%Y-%m-%d %H:%M:%S")
             return f"{name} counts {tick} from 1970 on, if it is the time: the first row is of {start} UTC"
     return ""
-
-
-def without_units(rows: Sequence[Sequence[str]], count: int) -> tuple[list[list[str]], dict[int, str]]:
-    """Rows without the units in their cells, such as "12.5 g", and the unit of each column that has one in its cells.
-
-    A column keeps its text where cells have different units, or more than a few have none.
-    """
-    found: dict[int, str] = {}
-    for column in range(count):
-        cells = (row[column] for row in rows if column < len(row))
-        if not with_unit(next((cell for cell in cells if not is_missing(cell)), ""))[0]:
-            continue
-        given = [row[column] for row in rows if column < len(row) and not is_missing(row[column])]
-        pairs = [with_unit(cell) for cell in given]
-        units = {unit for _, unit in pairs if unit}
-        if len(units) == 1 and sum(bool(unit) for _, unit in pairs) >= _MOSTLY * len(pairs):
-            found[column] = units.pop()
-    if not found:
-        return list(map(list, rows)), found
-    return [[with_unit(cell)[0] or cell if i in found else cell for i, cell in enumerate(row)] for row in rows], found

@@ -314,7 +314,7 @@ def budget_of(
     meter = SAME_METER if same_meter else OTHER_METER
     notes = [*of.stated.what_is_lacking(unstated), meter, *found.notes, *of.stated.unused]
     outside = tuple(outside_of(of.table, at))
-    notes += [*outside, *held(of, evaluation.columns, at)]
+    notes += [*outside, *held(of.table, of.config.temperatures, evaluation.columns, at)]
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
     if of.stated.example:

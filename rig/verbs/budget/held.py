@@ -12,7 +12,6 @@ from rig.register.surroundings import shown_unit
 
 if TYPE_CHECKING:
     from rig.procedures.tables.table import Table
-    from rig.verbs.budget.evaluation import OfRun
 
 HOLD = "results hold at the conditions of the run, which are in no model: {conditions}"
 NOT_USED = "of the points {name} is not used: no result depends on it"
@@ -21,16 +20,19 @@ SLACK = 0.01
 """How far a point may be outside the recorded settings, as a share of their range: readbacks are not set points."""
 
 
-def held(of: OfRun, used: Collection[str], at: Sequence[Mapping[str, float]]) -> Iterator[str]:
+def held(
+    table: Table, temperatures: Collection[str], used: Collection[str], at: Sequence[Mapping[str, float]]
+) -> Iterator[str]:
     """Sentences about factors and recorded temperatures on which no result depends.
 
     Args:
-        of: the run.
+        table: the observations of the run.
+        temperatures: columns with temperatures that were recorded.
         used: columns on which results depend.
         at: points of the results.
     """
-    columns = of.table.columns
-    free = [one for one in dict.fromkeys((*of.table.factors, *of.config.temperatures)) if one not in used]
+    columns = table.columns
+    free = [one for one in dict.fromkeys((*table.factors, *temperatures)) if one not in used]
     told = []
     for name in free:
         values = columns.get(name, np.zeros(0))

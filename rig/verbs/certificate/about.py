@@ -11,7 +11,7 @@ from typing import Any
 
 from rig.bench.config import InstrumentConfig, SensorConfig, parse_toml, read_text
 from rig.procedures.column_names import spelled, stem_of, unit_of
-from rig.procedures.plan.by_hand import Made
+from rig.procedures.plan.hand_steps import Made
 from rig.procedures.present.durations import duration
 from rig.procedures.tables.table import CORRECTED
 from rig.register import DOCUMENT, Register, SensorItem

@@ -26,8 +26,9 @@ from rig.verbs.certificate.numbers_issued import Entry, changed_rules, numbers_i
 from rig.verbs.certificate.numbers_issued import Issued as Earlier
 
 if TYPE_CHECKING:
+    from rig.verbs.certificate.asked import Asked
     from rig.verbs.certificate.document import Document
-    from rig.verbs.certificate.result import Asked, Made
+    from rig.verbs.certificate.result import Made
 
 
 @dataclass(frozen=True)

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 
 from rig.errors import UsageError
 from rig.fitter.errors import FitError
 from rig.register import DOCUMENT, absent
-from rig.register.surroundings import Range
 from rig.verbs.budget.evaluation import OfRun, RunBudget
 from rig.verbs.certificate import about, assembly, conformity, of_others
+from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.document import Dates, Document
 from rig.verbs.certificate.measured import Stage
 from rig.verbs.certificate.runs import CertifiedRun, read_run
 from rig.verbs.certificate.settings import CertificateSettings, read_settings
 from rig.verbs.data.of_table import lacks
 
-SETTINGS = "certificate.toml"
 NUMBER = "(no number)"
 """The number of a document that is not issued yet."""
 _STAGES: Mapping[int, tuple[Stage, ...]] = {1: ("",), 2: ("as found", "as left")}
@@ -34,44 +33,6 @@ class Refused(UsageError):
         names = " and ".join(map(str, runs))
         count = "1 reason" if len(self.reasons) == 1 else f"{len(self.reasons)} reasons"
         super().__init__(f"no certificate is made of {names}; {count}:\n{listed}")
-
-
-@dataclass(frozen=True)
-class Asked:
-    """The contents of a certificate, as asked for.
-
-    Attributes:
-        runs: one run file, or CSV table, or two: as found, as left.
-        issued: date of issue.
-        equipment: another register than the one kept with the runs.
-        settings: certificate.toml; None for that in the working folder.
-        confirmed_by: later runs that confirm effects of the last run.
-        calibrated_by: instead of that of the settings.
-        approved_by: instead of that of the settings.
-        adjustment: between as found and as left, a sentence.
-        room: lowest and highest value of what the run did not record of the room, by name with unit, as the laboratory
-            states it.
-        traced: whether results are of the model with the effects that the trace finds, also where no further run
-            confirmed them.
-        today: the certificate of a real run is not dated after it; None if that is not asked.
-    """
-
-    runs: tuple[Path, ...]
-    issued: date
-    equipment: Path | None = None
-    settings: Path | None = None
-    confirmed_by: tuple[Path, ...] = ()
-    calibrated_by: str = ""
-    approved_by: str = ""
-    adjustment: str = ""
-    today: date | None = None
-    traced: bool = False
-    room: Mapping[str, Range] = field(default_factory=dict)
-
-    @property
-    def settings_file(self) -> Path:
-        """The file of the settings, whether it exists or not."""
-        return self.settings or Path(SETTINGS)
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ from rig.verbs.data.result import Data
 
 if TYPE_CHECKING:
     from rig.fitter.trace.outcome import Outcome
-    from rig.verbs.certificate.result import Asked
+    from rig.verbs.certificate.asked import Asked
     from rig.verbs.confirm import Confirmed
 
 

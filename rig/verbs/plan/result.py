@@ -25,7 +25,7 @@ from rig.files.disk_space import needed_bytes
 from rig.fitter.errors import FitError
 from rig.procedures.kinds import kind_of
 from rig.procedures.plan.advice import Advice
-from rig.procedures.plan.by_hand import ALLOWANCE_H, HandStep
+from rig.procedures.plan.hand_steps import ALLOWANCE_H, HandStep
 from rig.procedures.present.blocks import Block, Grid, Line
 from rig.procedures.present.durations import duration
 from rig.procedures.tables.unused import unit_of

@@ -1,0 +1,54 @@
+"""The evaluation of a run for its budgets, by the declared model or with the effects that a trace finds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from rig.fitter.errors import FitError
+from rig.procedures.errors import DataError
+from rig.procedures.general.budget import _AT, GeneralEvaluation
+from rig.procedures.tables.table import Table
+
+
+def general_evaluation(table: Table, at: Sequence[Mapping[str, float]], *, traced: bool = False) -> GeneralEvaluation:
+    """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
+
+    Args:
+        traced: with the effects that a trace finds.
+    """
+    made: type[GeneralEvaluation] = GeneralEvaluation
+    if traced:
+        from rig.procedures.general.budget_traced import TracedEvaluation  # noqa: PLC0415 - few budgets are traced
+
+        made = TracedEvaluation
+
+    if not table.outputs:
+        raise DataError(f"{table.source}: budgets are made of runs, whose bench says what reads what")
+    _check_names(table, at)
+    try:
+        found = made(table, at or _points(table))
+    except FitError as error:
+        raise DataError(f"{table.source}: {error}") from error
+    for name in table.factors if at else ():
+        if name not in at[0] and (by := [one.name for one in found.each if name in one.plain.formula.names]):
+            raise DataError(f"{_AT}: they lack {name}, on which results of {', '.join(by)} depend; add it")
+    return found
+
+
+def _check_names(table: Table, at: Sequence[Mapping[str, float]]) -> None:
+    """Refuse points of unknown quantities, or of different ones."""
+    for one in at:
+        if unknown := [name for name in one if name not in table.columns]:
+            raise DataError(f"{_AT}: the run has no {unknown[0]}; its factors are {', '.join(table.factors)}")
+        if set(one) != set(at[0]):
+            raise DataError(f"{_AT}: they have different quantities, {', '.join(at[0])} and {', '.join(one)}")
+
+
+def _points(table: Table) -> list[Mapping[str, float]]:
+    """Three values of the only factor of a run; the middle of all factors if there are several."""
+    ends = {name: (float(table.columns[name].min()), float(table.columns[name].max())) for name in table.factors}
+    middle = {name: float(f"{(low + high) / 2:.3g}") for name, (low, high) in ends.items()}
+    if len(ends) != 1:
+        return [middle]
+    ((name, (low, high)),) = ends.items()
+    return [{name: float(f"{value:.3g}")} for value in (low + 0.1 * (high - low), middle[name], high)]
