@@ -23,7 +23,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.tables.table import Table
 from rig.tables import write_csv
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "how_to" / "fractions.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "how_to" / "designs.md"
 CLEAN = Bench()
 
 
