@@ -20,7 +20,7 @@ ONE = 0.8
 ALIKE, SHARE = 0.5, 0.25
 """Logarithm by which sets of one row more are fewer than their number, since sets with most rows in common are no
 separate chances; maximum share of rows in a set. Measured, with the search of clean tables:
-docs/explanation/gross_errors.md.
+docs/explanation/fits.md.
 """
 GOOD = 0.01
 """Probability of a reading's deviation from which it is taken back before the others are judged."""

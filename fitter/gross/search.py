@@ -11,7 +11,7 @@ and Riani, Robust Diagnostic Regression Analysis, 2000). Each is judged by its d
 named that are too far from the fit of those inside by themselves: they are not hidden by another that is just too near.
 
 The limit holds for all rows and all responses of a table together: a clean table has a gross error with a probability
-of about `LEVEL` (measured: docs/explanation/gross_errors.md).
+of about `LEVEL` (measured: docs/explanation/fits.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How often a clean table has a row named a gross error: docs/explanation/gross_errors.md."""
+"""How often a clean table has a row named a gross error: docs/explanation/fits.md."""
 
 from __future__ import annotations
 
