@@ -17,7 +17,7 @@ from scipy.linalg.lapack import dgeqp3, dtrtri
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
-from rig.fitter.sums_of_squares import off
+from rig.fitter.sums_of_squares import project_out
 
 NO_GROUP = -1
 """Group of a row without a common level."""
@@ -62,7 +62,7 @@ class Levels:
             mine = weight if mine is None else mine * weight
         return np.asarray(np.bincount(self.group[self.inside], mine, minlength=self.count), np.float64)
 
-    def off(self, values: FloatArray, kept: FloatArray | None = None) -> FloatArray:
+    def project_out(self, values: FloatArray, kept: FloatArray | None = None) -> FloatArray:
         """(n,) or (n, m) weighted `values` minus their groups' levels, which `kept` (n,) more weights may estimate."""
         if self.count == 0:
             return values
@@ -172,11 +172,11 @@ class OwnSpan:
 
     def expand(self, coordinates: FloatArray) -> FloatArray:
         """(n,) or (n, m) Q times (rank,) or (rank, m)."""
-        return self.levels.off(self.combined(self.inverse @ coordinates))
+        return self.levels.project_out(self.combined(self.inverse @ coordinates))
 
     def coordinates(self, values: FloatArray) -> FloatArray:
         """(rank,) or (rank, m) Q' times (n,) or (n, m)."""
-        return np.asarray(self.inverse.T @ self.products(self.levels.off(values)))
+        return np.asarray(self.inverse.T @ self.products(self.levels.project_out(values)))
 
     def weighted_products(self, kept: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(rank, rank) products of Q with itself and (rank,) with `y` (n,), with more weights `kept` (n,), which
@@ -207,7 +207,7 @@ class OwnSpan:
             np.divide(of.reshape(-1, n_rep), norms[:, None], out=sums[:, :, j])
         return sums.reshape(levels.count, self.count), norms
 
-    def off(self, values: FloatArray) -> FloatArray:
+    def project_out(self, values: FloatArray) -> FloatArray:
         """Part of (n,) or (n, m) values, levels removed, outside the span."""
         return np.asarray(values - self.expand(self.inverse.T @ self.products(values)))
 
@@ -244,7 +244,7 @@ class WithMore:
     @classmethod
     def of(cls, span: OwnSpan, columns: FloatArray) -> WithMore:
         """With the part of (n, q) `columns` beside the span."""
-        left = span.off(span.off(span.levels.off(columns)))
+        left = span.project_out(span.project_out(span.levels.project_out(columns)))
         return cls(span, orthonormal(left, np.linalg.norm(columns, axis=0)))
 
     @property
@@ -261,6 +261,6 @@ class WithMore:
         """As `OwnSpan.coordinates`."""
         return np.concatenate([self.span.coordinates(values), self.more.T @ values])
 
-    def off(self, values: FloatArray) -> FloatArray:
+    def project_out(self, values: FloatArray) -> FloatArray:
         """As `OwnSpan.off`."""
-        return off(self.span.off(values), self.more)
+        return project_out(self.span.project_out(values), self.more)

@@ -27,7 +27,7 @@ from scipy import special
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import CONDITION, LinearFit, RankError, Triangle, least_squares
 from rig.fitter.own_span import NO_GROUP, Levels, OwnSpan, WithMore
-from rig.fitter.sums_of_squares import NAN, FTest, off, ratio, within_points
+from rig.fitter.sums_of_squares import NAN, FTest, project_out, ratio, within_points
 
 _DRIFTS = 0.05
 _WANDERS = 1e-3
@@ -205,7 +205,7 @@ def blind(rows: Rows, output: FloatArray, left: FloatArray, drift: FTest, pure_e
     bias = FTest(NAN, 0, drift.df_below)
     if drifts:
         every = rows.every()
-        beyond = _squares(every.off(output))
+        beyond = _squares(every.project_out(output))
         bias = ratio(beyond - rest, len(output) - every.rank - drift.df_below, rest, drift.df_below)
     return Blind(inflation if drifts else 1.0, bias, wander if p < _WANDERS else 0.0)
 
@@ -330,8 +330,13 @@ def _scatter(rows: Rows, output: FloatArray) -> tuple[float, int, FloatArray, in
     """Sum of squares within points and its degrees of freedom; (n,) residuals beyond replications' own parameters and
     theirs.
     """
-    y, n = rows.levels.off(output), len(output) - rows.n_points
-    return _squares(off(y, rows.effects)), n - rows.effects.shape[1], rows.both.off(y), n - rows.both.rank
+    y, n = rows.levels.project_out(output), len(output) - rows.n_points
+    return (
+        _squares(project_out(y, rows.effects)),
+        n - rows.effects.shape[1],
+        rows.both.project_out(y),
+        n - rows.both.rank,
+    )
 
 
 def between_replications(

@@ -25,7 +25,7 @@ from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
-from rig.fitter.sums_of_squares import FTest, off, own_parameters
+from rig.fitter.sums_of_squares import FTest, own_parameters, project_out
 
 DIFFER = 0.05
 """Significance level for series and replications."""
@@ -136,14 +136,14 @@ def strata(
     n, k = columns.shape
     every = columns if beside is None else np.column_stack([columns, beside])
     basis = orthonormal(every)
-    left = off(left, basis)
+    left = project_out(left, basis)
     reverse, of_sides, left, basis = by_side(columns, basis, left, side)
     searched = np.zeros((n, 0)) if slopes is None else slopes
     df = n - basis.shape[1] - searched.shape[1]
     variance, variance_df = (float(left @ left) / max(df, 1), float(df)) if pure is None else pure
     own = own_parameters(columns, replicate)
-    own = orthonormal(off(own, basis), np.linalg.norm(own, axis=0))
-    above, rest = float(np.sum((own.T @ left) ** 2)), off(left, own)
+    own = orthonormal(project_out(own, basis), np.linalg.norm(own, axis=0))
+    above, rest = float(np.sum((own.T @ left) ** 2)), project_out(left, own)
     below = (float(rest @ rest), df - own.shape[1]) if pure is None else (variance * variance_df, int(variance_df))
     between = _NOTHING
     if own.shape[1] and below[1] > 0 and below[0] > 0.0:
@@ -185,8 +185,8 @@ def by_side(
     if not ((side > 0).any() and (side < 0).any()):
         return nothing
     halves = columns * (side[:, None] / 2.0)
-    own = orthonormal(off(halves, basis), np.linalg.norm(columns, axis=0))
-    rest = off(left, own)
+    own = orthonormal(project_out(halves, basis), np.linalg.norm(columns, axis=0))
+    rest = project_out(left, own)
     below, df = float(rest @ rest), len(left) - basis.shape[1] - own.shape[1]
     if not own.shape[1] or df < 1 or below <= 0.0:
         return nothing
@@ -209,8 +209,8 @@ def reversed_by(
     """
     basis = orthonormal(columns) if basis is None else basis
     size = _sizes(columns)
-    beyond = off(columns / size * (side[:, None] / 2.0), basis)
-    return np.asarray(np.linalg.lstsq(beyond, off(values, basis), rcond=1e-9)[0]) / size
+    beyond = project_out(columns / size * (side[:, None] / 2.0), basis)
+    return np.asarray(np.linalg.lstsq(beyond, project_out(values, basis), rcond=1e-9)[0]) / size
 
 
 def _neighbours(values: FloatArray, joined: FloatArray) -> FloatArray:

@@ -61,7 +61,7 @@ def within_points(columns: FloatArray, point: IntArray) -> FloatArray:
     return orthonormal(centred(columns, point), length, overwrite=True)
 
 
-def off(columns: FloatArray, basis: FloatArray, *, overwrite: bool = False) -> FloatArray:
+def project_out(columns: FloatArray, basis: FloatArray, *, overwrite: bool = False) -> FloatArray:
     """Part of `columns` (n,) or (n, q) outside an orthonormal basis (n, r); a few columns at a time fit the cache.
 
     With `overwrite` it takes the place of the columns.

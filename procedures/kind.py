@@ -40,7 +40,7 @@ if TYPE_CHECKING:  # they load what few commands need
     from rig.procedures.plan.run_list import RunList
     from rig.procedures.plan.settings import Acceptance, WarningSettings
     from rig.procedures.tables.table import Reader, Table
-    from rig.procedures.tables.unknown_table import Seen
+    from rig.procedures.tables.unknown_table import UnknownTable
 
 
 class Procedure(Protocol):
@@ -297,7 +297,7 @@ class Kind(ABC):
         """Whether a table without a declared kind is of this one, by its columns."""
         return False
 
-    def look(self, source: Source, table: Table) -> Seen | None:
+    def look(self, source: Source, table: Table) -> UnknownTable | None:
         """Likely roles of the columns of a table that nobody has described, and options to begin with.
 
         Args:

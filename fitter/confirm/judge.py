@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.confirm.beside import Beside, beside
 from rig.fitter.confirm.compare import Comparison, fitted_again, lasting, nuisance
+from rig.fitter.confirm.minor_causes import MinorCause, minor_causes
 from rig.fitter.confirm.prediction import SensorError, prediction_errors
 from rig.fitter.confirm.question import Hypothesis, Question
 from rig.fitter.confirm.structure import structured
@@ -123,7 +123,7 @@ class Confirmation:
     members: tuple[Member, ...]
     outliers: tuple[int, ...] = ()
     holder: tuple[Any, ...] = ()
-    beside: tuple[Beside, ...] = ()
+    minor_causes: tuple[MinorCause, ...] = ()
     question: Question | None = None
     used_up: int = 0
 
@@ -235,7 +235,7 @@ def confirm(both: Together, question: Question) -> Confirmation:
         answer = replace(answer, holder=question.members[names.index(best.effect)].terms)
     if answer.verdict not in ("confirmed", "replaced"):
         return answer
-    return replace(answer, beside=beside(comparison, names.index(answer.holding[0])))
+    return replace(answer, minor_causes=minor_causes(comparison, names.index(answer.holding[0])))
 
 
 def _with_pair(both: Together, question: Question, best: int) -> Question | None:
@@ -344,8 +344,8 @@ def _missed(both: Together, model: FloatArray, changed: FloatArray, shifts: Floa
     full = np.column_stack([model, changed, shifts])
     sizes = solve(full, both.outputs)
     before, more = sizes[:q], sizes[model.shape[1] : model.shape[1] + q]
-    beside = orthonormal(np.column_stack([model[:, q:], shifts]))
-    shape = changed - beside @ (beside.T @ changed)
+    taken = orthonormal(np.column_stack([model[:, q:], shifts]))
+    shape = changed - taken @ (taken.T @ changed)
     misfit, df = _misfit(both, full)
     whole = float(np.sum((shape @ (before + more)) ** 2))
     missed = float(np.sum((shape @ more) ** 2)) + max(misfit - 1.0, 0.0) * df

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.confirm.beside import notable
 from rig.fitter.confirm.compare import NOTHING, Pair, fitted_again
+from rig.fitter.confirm.minor_causes import notable
 from rig.fitter.confirm.question import Question
 from rig.fitter.confirm.reduced import reduced
 from rig.fitter.confirm.together import Candidates, Fit, Together

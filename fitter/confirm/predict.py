@@ -16,8 +16,8 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.confirm.beside import notable
 from rig.fitter.confirm.compare import NOTHING, Apart, Comparison, Pair, searched
+from rig.fitter.confirm.minor_causes import notable
 from rig.fitter.confirm.question import Hypothesis, Question
 from rig.fitter.confirm.reduced import reduced
 from rig.fitter.confirm.together import RANK, Candidates, Fit, Together, left

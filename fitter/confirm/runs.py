@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.effects.hands import Done
+from rig.fitter.effects.manual_changes import Done
 from rig.fitter.errors import FitError
 
 

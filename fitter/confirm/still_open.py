@@ -20,7 +20,7 @@ def still_open(answer: Confirmation) -> Question | None:
     by_name = {member.effect: member for member in question.members}
     members = [by_name[name] for name in answer.holding]
     if answer.verdict in ("confirmed", "replaced"):
-        members += [members[0].beside(by_name[one.effect]) for one in answer.beside]
+        members += [members[0].beside(by_name[one.effect]) for one in answer.minor_causes]
         if len(members) == 1:
             return None
     return replace(question, members=tuple(members), terms=members[0].terms)

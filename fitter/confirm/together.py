@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.effects.hands import Done
+from rig.fitter.effects.manual_changes import Done
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import NOTHING_LEFT
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from rig.fitter.effects.hands import ByHand, Influence
+from rig.fitter.effects.manual_changes import ByHand, Influence
 from rig.fitter.effects.sizes import Size
 
 Stratum = Literal["between-point", "point-by-replication", "replication", "whole-plot", "subplot", "noise"]

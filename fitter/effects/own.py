@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from rig.fitter.effects.entry import Entry
-from rig.fitter.effects.hands import ByHand, Change
+from rig.fitter.effects.manual_changes import ByHand, Change
 from rig.fitter.effects.own_formula import OwnFormula
 from rig.fitter.effects.sizes import each
 from rig.fitter.errors import FitError

@@ -43,7 +43,7 @@ class Span(Protocol):
     def expand(self, coordinates: FloatArray, /) -> FloatArray:
         """(n,) Q times (rank,)."""
 
-    def off(self, values: FloatArray, /) -> FloatArray:
+    def project_out(self, values: FloatArray, /) -> FloatArray:
         """(n,) part of values, levels removed, outside the span."""
 
 
@@ -71,7 +71,7 @@ class Held:
         """See `Span`."""
         return np.asarray(self.basis @ coordinates)
 
-    def off(self, values: FloatArray) -> FloatArray:
+    def project_out(self, values: FloatArray) -> FloatArray:
         """See `Span`."""
         return np.asarray(values - self.basis @ (self.basis.T @ values))
 
@@ -132,7 +132,7 @@ class Rows:
         """Span of the columns beside the groups' levels."""
         if self.own is not None:
             return OwnSpan(self.columns, self.own, self.levels)
-        within = self.levels.off(self.columns)
+        within = self.levels.project_out(self.columns)
         return Held(orthonormal(within, np.linalg.norm(self.columns, axis=0), overwrite=within is not self.columns))
 
     @cached_property
@@ -143,7 +143,7 @@ class Rows:
     @cached_property
     def residual(self) -> FloatArray:
         """(n,) residuals of the fit of all rows, weighted."""
-        return self.span.off(self.levels.off(self.y))
+        return self.span.project_out(self.levels.project_out(self.y))
 
     @cached_property
     def least_absolute(self) -> FloatArray:
@@ -187,8 +187,10 @@ class Rows:
         """(n,) residuals of all rows from a fit with these weights (n,), as a start."""
         if isinstance(self.span, OwnSpan):
             products, with_y = self.span.weighted_products(kept, self.y)
-            return self.levels.off(self.y - self.span.combined(self.span.inverse @ _solved(products, with_y)), kept)
-        columns, y = self.levels.off(self.columns, kept), self.levels.off(self.y, kept)
+            return self.levels.project_out(
+                self.y - self.span.combined(self.span.inverse @ _solved(products, with_y)), kept
+            )
+        columns, y = self.levels.project_out(self.columns, kept), self.levels.project_out(self.y, kept)
         weighted = kept[:, None] * columns
         return np.asarray(y - columns @ _solved(columns.T @ weighted, weighted.T @ y))
 

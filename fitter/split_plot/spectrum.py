@@ -60,7 +60,7 @@ class FixedPart:
         """Degrees of freedom left beside the columns, n - k."""
         return len(self.columns) - len(self.names)
 
-    def off(self, columns: FloatArray) -> FloatArray:
+    def project_out(self, columns: FloatArray) -> FloatArray:
         """(n, m) part of (n, m) `columns` outside X; projected twice, so that nothing of X remains."""
         for _ in range(2):
             columns = columns - self.basis @ (self.basis.T @ columns)
@@ -93,7 +93,7 @@ class Spectrum:
     @classmethod
     def of(cls, fixed: FixedPart, random: FloatArray) -> Spectrum:
         """Decompose (n, W) `random`, whose columns are independent."""
-        left, singular, right = np.linalg.svd(fixed.off(random), full_matrices=False)
+        left, singular, right = np.linalg.svd(fixed.project_out(random), full_matrices=False)
         rounding = max(random.shape) * np.finfo(float).eps * float(np.max(np.linalg.norm(random, axis=0)))
         r = min(int(np.sum(singular > 10.0 * rounding)), fixed.df)
         left = np.ascontiguousarray(left[:, :r])

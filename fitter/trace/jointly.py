@@ -1,4 +1,4 @@
-"""Whether a residual follows a shape of all recorded quantities jointly, whatever the shape: the nameless rival.
+"""Whether a residual follows a shape of all recorded quantities jointly, whatever the shape: the unmodelled smooth.
 
 Two questions of one residual. Polynomials of all quantities together, up to each total degree, take up a smooth shape.
 Where a shape is too fine for them, rows whose quantities are alike still err alike: the residual of each row times the

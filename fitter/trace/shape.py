@@ -141,7 +141,7 @@ class Shape:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ResidualAndWaves:
     """A residual and the waves of a place, as the model leaves them.
 
     Attributes:
@@ -168,7 +168,7 @@ lengths before the model was taken out."""
 
 
 def shape_of(
-    seen: Seen,
+    seen: ResidualAndWaves,
     over: Axis,
     beside: Axis | None,
     names: Iterable[Name],

@@ -17,7 +17,7 @@ from rig.fitter.budget import TypeA
 from rig.fitter.errors import FitError
 from rig.fitter.linear import orthonormal
 from rig.fitter.strata import DIFFER, by_side, reversed_by
-from rig.fitter.sums_of_squares import FTest, off
+from rig.fitter.sums_of_squares import FTest, project_out
 from rig.procedures.attitude.data import AttitudeData, settings
 from rig.procedures.attitude.fit import AttitudeFit, fit_all
 from rig.procedures.attitude.infer import AttitudeCalibration
@@ -239,7 +239,7 @@ class AttitudeEvaluation(Evaluation):
             basis = orthonormal(every)
             for axis, given in (("pitch", d.pitch_side), ("roll", d.roll_side)):
                 side = np.asarray(given, np.float64)
-                differs, test, _, _ = by_side(h, basis, off(left, basis), side)
+                differs, test, _, _ = by_side(h, basis, project_out(left, basis), side)
                 if (held := self._by_side(name, axis)) is not None:
                     more = reversed_by(h, held, side, basis)
                     differs = more if differs is None else differs + more

@@ -12,7 +12,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.confirm import CARRIED_ON, Confirmation, Later, Question
 from rig.fitter.effects.entry import Entry
-from rig.fitter.effects.hands import Done
+from rig.fitter.effects.manual_changes import Done
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects import CATALOGUE, Effect, separate
 from rig.procedures.attitude.evaluate import AttitudeTraced

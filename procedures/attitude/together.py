@@ -14,7 +14,7 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.confirm import Together
 from rig.fitter.confirm.runs import Later, changes, join_all, numbers
 from rig.fitter.confirm.together import Candidates, Own
-from rig.fitter.effects.hands import Done
+from rig.fitter.effects.manual_changes import Done
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects import Scene
 from rig.procedures.attitude.model import attitude_columns

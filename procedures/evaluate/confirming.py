@@ -13,7 +13,7 @@ import numpy as np
 from rig.fitter.arrays import IntArray
 from rig.fitter.confirm import Confirmation, Later, Question, Together
 from rig.fitter.effects.entry import Entry
-from rig.fitter.effects.hands import Done
+from rig.fitter.effects.manual_changes import Done
 from rig.procedures.evaluate.results import Fitted, Page
 from rig.procedures.plan.further_runs import Variation
 from rig.procedures.plan.run_list import RunList

@@ -140,7 +140,7 @@ def with_more(found: Found, evaluation: Evaluation, more: Iterable[tuple[str, st
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class StoredInfluence:
     """One influence on the coefficients of a calibration, for its use.
 
     Attributes:
@@ -158,23 +158,23 @@ class Kept:
     in_use: Mapping[str, tuple[float, float]]
 
 
-def kept(evaluation: Evaluation, stated: Statements) -> tuple[list[Kept], list[str]]:
+def kept(evaluation: Evaluation, stated: Statements) -> tuple[list[StoredInfluence], list[str]]:
     """Influences on the coefficients of a calibration, and sentences about errors that are not kept for its use."""
     base = evaluation.coefficients({})
-    found: list[Kept] = []
+    found: list[StoredInfluence] = []
     notes: list[str] = []
 
     def add(name: str, source: str, df: float, shifts: Shifts, in_use: Mapping[str, tuple[float, float]]) -> None:
         up, down = (evaluation.coefficients(shifts(sign).columns) for sign in (1.0, -1.0))
         if any(np.any(up[sensor] != down[sensor]) for sensor in up) or in_use:
-            found.append(Kept(name, source, df, ((up, down),), in_use))
+            found.append(StoredInfluence(name, source, df, ((up, down),), in_use))
 
     for one in stated.errors:
         if one.behaves == "reading" or not any(name in evaluation.columns for name in one.columns):
             continue
         if one.behaves in ("setting", "replication"):
             modes = tuple(_modes(evaluation, one, base))
-            found += [Kept(one.name, one.source, one.df, modes, {})] if modes else []
+            found += [StoredInfluence(one.name, one.source, one.df, modes, {})] if modes else []
             continue
         lines = _lines_in_use(one, evaluation.columns) if one.reads else {}
         if lines is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rig.procedures.column_names import spelled, unit_of
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.acceptance import Verdict
-from rig.procedures.general.of_runs import Asked, fit_run, models_of, results_of
+from rig.procedures.general.of_runs import RunModels, fit_run, models_of, results_of
 from rig.procedures.general.settings import GeneralProcedure
 from rig.procedures.tables.table import Table
 
@@ -23,7 +23,7 @@ def judge(procedure: GeneralProcedure, table: Table) -> list[Verdict]:
         raise DataError(f"acceptance.sigma_E.{unknown[0]}: the bench has no such sensor ({', '.join(columns)})")
     if not limits:
         return []
-    results, verdicts = results_of(fit_run(Asked(table, models_of(table))).result), []
+    results, verdicts = results_of(fit_run(RunModels(table, models_of(table))).result), []
     for sensor, limit in limits.items():
         column = columns[sensor]
         result, unit = results[column], spelled(unit_of(column))

@@ -20,7 +20,7 @@ from rig.fitter.errors import FitError
 from rig.procedures.evaluate.budgeting import alike
 from rig.procedures.general.budget import GeneralEvaluation
 from rig.procedures.general.budget_sensor import Sensor
-from rig.procedures.general.of_runs import Asked, recorded, trace_run
+from rig.procedures.general.of_runs import RunModels, recorded, trace_run
 from rig.procedures.general.traced import with_effects
 from rig.procedures.tables.table import Table
 
@@ -32,7 +32,7 @@ class TracedEvaluation(GeneralEvaluation):
     """All sensors of a run, each by its declared model with traced effects."""
 
     def __init__(self, table: Table, at: Sequence[Mapping[str, float]]) -> None:
-        asked = Asked.of(table)
+        asked = RunModels.of(table)
         assert asked is not None  # a run's own outputs
         self._found, self._points = (
             with_effects(asked, trace_run(asked, validate=False), covered=True),

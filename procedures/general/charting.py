@@ -151,9 +151,9 @@ class GeneralCharting(Charting):
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
         """Every sensor of a run; any other table does not define response and formula, a calibration file does."""
         if table.outputs:
-            from rig.procedures.general.of_runs import Asked, fit_run  # noqa: PLC0415 - charts of files need no fit
+            from rig.procedures.general.of_runs import RunModels, fit_run  # noqa: PLC0415 - charts of files need no fit
 
-            asked = Asked.of(table, None, formula)
+            asked = RunModels.of(table, None, formula)
             assert asked is not None
             found = self.of_file(fit_run(asked).to_json(), table.source)
             return replace(found, simulated=table.simulated, provenance=table.provenance)

@@ -12,7 +12,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.confirm import Confirmation, Later, Question
 from rig.fitter.effects.entry import Entry
-from rig.fitter.effects.hands import Done
+from rig.fitter.effects.manual_changes import Done
 from rig.fitter.errors import FitError
 from rig.procedures.column_names import moves_of, read_at, spelled, unit_of, with_word
 from rig.procedures.errors import DataError
@@ -21,7 +21,7 @@ from rig.procedures.general.effects.of_others import HYSTERESIS
 from rig.procedures.general.factors import RANDOM
 from rig.procedures.general.found_in_run import FoundInRun
 from rig.procedures.general.further_runs import values_of, with_routine
-from rig.procedures.general.of_runs import Asked, RunTraced, fit_run, noted_of, recorded
+from rig.procedures.general.of_runs import RunModels, RunTraced, fit_run, noted_of, recorded
 from rig.procedures.general.options import FitOptions, TraceOptions
 from rig.procedures.general.own_time import TIME
 from rig.procedures.general.planning import check_declared, evaluations
@@ -50,7 +50,7 @@ NOT_OURS = (
 def cannot_confirm(table: Table, options: TraceOptions) -> str:
     """Why no further run can confirm the findings in a run; see `rig.procedures.kind.Kind.cannot_confirm`."""
     others = options.model_fields_set - {"response", "formula"}
-    asked = None if others else Asked.of(table, options.response, options.formula)
+    asked = None if others else RunModels.of(table, options.response, options.formula)
     if asked is None:
         given = sorted(f"--{name.replace('_', '-')}" for name in others or {"response"})
         return (
@@ -215,7 +215,7 @@ class GeneralConfirming(Confirming):
         """Columns of confirmed causes that are functions of the table's own columns are added to the models. Others, of
         time or memory, are taken off the outputs, as by `rig fit --traced`.
         """
-        asked = Asked.of(self.traced.table, options.response, options.formula)
+        asked = RunModels.of(self.traced.table, options.response, options.formula)
         if asked is None:
             raise DataError(f"--response {options.response} is no output of the run")
         added: dict[str, list[str]] = {}

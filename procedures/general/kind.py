@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from rig.procedures.plan.precision import Precision
     from rig.procedures.plan.run_list import RunList
     from rig.procedures.tables.table import Reader, Table
-    from rig.procedures.tables.unknown_table import Seen
+    from rig.procedures.tables.unknown_table import UnknownTable
 
 
 class GeneralKind(Kind):
@@ -69,9 +69,9 @@ class GeneralKind(Kind):
 
         read: Reader = source.read
         if source.is_run:
-            from rig.procedures.general.of_runs import Asked, fit_run, reader_of  # noqa: PLC0415
+            from rig.procedures.general.of_runs import RunModels, fit_run, reader_of  # noqa: PLC0415
 
-            asked = Asked.of(source.table, options.response, options.formula)
+            asked = RunModels.of(source.table, options.response, options.formula)
             at = points(options.at or ())
             if (
                 asked is not None
@@ -137,9 +137,9 @@ class GeneralKind(Kind):
         """See `Kind`."""
         read: Reader = source.read
         if source.is_run:
-            from rig.procedures.general.of_runs import Asked, reader_of, trace_run  # noqa: PLC0415
+            from rig.procedures.general.of_runs import RunModels, reader_of, trace_run  # noqa: PLC0415
 
-            asked = Asked.of(source.table, options.response, options.formula)
+            asked = RunModels.of(source.table, options.response, options.formula)
             if asked is not None and set(_given(options)) <= _OF_RUNS:
                 return trace_run(asked, own)
             read = reader_of(source.table)
@@ -168,7 +168,7 @@ class GeneralKind(Kind):
         )
         return trace_general_table(read, roles)
 
-    def look(self, source: Source, table: Table) -> Seen | None:
+    def look(self, source: Source, table: Table) -> UnknownTable | None:
         """See `Kind`."""
         from rig.procedures.general.likely import likely  # noqa: PLC0415
 

@@ -28,7 +28,7 @@ from rig.procedures.general.fit import fit_general
 from rig.procedures.general.models.units import unit_in
 from rig.procedures.general.uncertain import option, uncertainties, weights
 from rig.procedures.tables.table import Table
-from rig.procedures.tables.unknown_table import Seen, SeenColumn
+from rig.procedures.tables.unknown_table import SeenColumn, UnknownTable
 
 _TIME = re.compile(
     r"time|elapsed|timestamp|(^|[ _])(?-i:t)$|(^|[ _])t[ _(\[]+(s|sec|min|h)[)\]]?$|zeit|^date|\bdate$", re.IGNORECASE
@@ -60,7 +60,7 @@ _NARROW = 0.01
 """Span of a column relative to its values, below which its few levels are steps of a resolution."""
 
 
-def likely(source: Source, table: Table) -> Seen:
+def likely(source: Source, table: Table) -> UnknownTable:
     """The columns of a table with likely roles, and options for a first fit and trace that were tried."""
     of = uncertainties(table)
     weighed = weights(table, of)
@@ -111,9 +111,9 @@ def likely(source: Source, table: Table) -> Seen:
         beside = [name for name in (*sensors, *outputs, *same) if name != response and "," not in name]
         if beside:  # what they have in common with it is the setting's error
             trace["ignore"] = ",".join(beside)
-        return Seen(_columns(table, found), fit, trace, without, curve, sensors, tuple(dict.fromkeys(notes)))
+        return UnknownTable(_columns(table, found), fit, trace, without, curve, sensors, tuple(dict.fromkeys(notes)))
     why = tried or "it takes two columns of numbers that vary: a response and a setting"
-    return Seen(_columns(table, roles | dict.fromkeys(free, "covariate")), {}, {}, why)
+    return UnknownTable(_columns(table, roles | dict.fromkeys(free, "covariate")), {}, {}, why)
 
 
 def _with_uncertainties(

@@ -47,7 +47,7 @@ def models_of(table: Table) -> Mapping[str, SensorModel]:
 
 
 @dataclass(frozen=True)
-class Asked:
+class RunModels:
     """A run, and the declared models of the sensors that are to be fitted or traced.
 
     Attributes:
@@ -59,7 +59,7 @@ class Asked:
     models: Mapping[str, SensorModel]
 
     @classmethod
-    def of(cls, table: Table, response: str | None = None, formula: str | None = None) -> Asked | None:
+    def of(cls, table: Table, response: str | None = None, formula: str | None = None) -> RunModels | None:
         """With the procedure's models; or one output only, or another formula for it or for all.
 
         None if the response is no output: arithmetic, or another column. Raises `DataError` if there is no model.
@@ -77,9 +77,9 @@ class Asked:
         models = models_of(table)
         return cls(table, {output: models[output] for output in wanted})
 
-    def adding(self, terms: Mapping[str, Sequence[str]]) -> Asked:
+    def adding(self, terms: Mapping[str, Sequence[str]]) -> RunModels:
         """The same with further terms, by output."""
-        return Asked(self.table, {name: _with_terms(one, terms.get(name, ())) for name, one in self.models.items()})
+        return RunModels(self.table, {name: _with_terms(one, terms.get(name, ())) for name, one in self.models.items()})
 
 
 def reader_of(table: Table) -> Reader:
@@ -166,7 +166,7 @@ def noted_of(fitted: RunFitted, notes: Mapping[str, Sequence[str]]) -> RunFitted
     return RunFitted(next(iter(found.values())))
 
 
-def fit_run(asked: Asked, leave_out: Sequence[str] = (), at: Sequence[Mapping[str, float]] = ()) -> RunFitted:
+def fit_run(asked: RunModels, leave_out: Sequence[str] = (), at: Sequence[Mapping[str, float]] = ()) -> RunFitted:
     """Fit the declared model to every sensor, and predict its output at points.
 
     Raises:
@@ -253,7 +253,7 @@ def _unused_by_all(every: Sequence[Mapping[str, Any]], outputs: Collection[str])
     return {**every[0], "columns": told}
 
 
-def trace_run(asked: Asked, own: Sequence[Entry] = (), *, validate: bool = True) -> RunTraced:
+def trace_run(asked: RunModels, own: Sequence[Entry] = (), *, validate: bool = True) -> RunTraced:
     """Find effects missing in the declared model of every sensor; `own` are the laboratory's own effects.
 
     Without the left-out error, if not `validate`.
@@ -267,7 +267,7 @@ def trace_run(asked: Asked, own: Sequence[Entry] = (), *, validate: bool = True)
     return RunTraced(found, tuple(column for column in asked.models if column not in found))
 
 
-def roles_of_run(asked: Asked) -> dict[str, Roles]:
+def roles_of_run(asked: RunModels) -> dict[str, Roles]:
     """Roles of the columns of a run in the trace of every output.
 
     Raises:

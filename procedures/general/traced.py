@@ -24,7 +24,7 @@ from rig.procedures.general.effects.columns import less, middle, origin
 from rig.procedures.general.effects.literal import arithmetic
 from rig.procedures.general.effects.of_time import WARM_UP
 from rig.procedures.general.effects.time_columns import lag, of_start, previous
-from rig.procedures.general.of_runs import Asked, RunFitted, RunTraced, fit_run, noted_of, recorded, trace_run
+from rig.procedures.general.of_runs import RunFitted, RunModels, RunTraced, fit_run, noted_of, recorded, trace_run
 from rig.procedures.general.own_time import TIME
 from rig.procedures.general.trace import FoundTableEffect, TableTrace
 from rig.procedures.general.trace.estimate import of_constants
@@ -65,15 +65,15 @@ class WithEffects:
         by_side: (n,) the part of them that is of the direction of approach, or that these data cannot separate from it.
     """
 
-    asked: Asked
+    asked: RunModels
     notes: Mapping[str, list[str]]
-    others: tuple[tuple[str, str, str, Asked], ...]
+    others: tuple[tuple[str, str, str, RunModels], ...]
     off: Mapping[str, FloatArray]
     slopes: Mapping[str, FloatArray]
     by_side: Mapping[str, FloatArray]
 
 
-def fit_traced(asked: Asked, leave_out: Sequence[str], own: Sequence[Entry]) -> RunFitted:
+def fit_traced(asked: RunModels, leave_out: Sequence[str], own: Sequence[Entry]) -> RunFitted:
     """Trace every sensor, and fit its model with what was found.
 
     Raises:
@@ -84,7 +84,7 @@ def fit_traced(asked: Asked, leave_out: Sequence[str], own: Sequence[Entry]) -> 
 
 
 def with_effects(
-    asked: Asked, traced: RunTraced, *, covered: bool = False, only: Mapping[str, str] | None = None
+    asked: RunModels, traced: RunTraced, *, covered: bool = False, only: Mapping[str, str] | None = None
 ) -> WithEffects:
     """A run with the effects that its trace found.
 
@@ -133,7 +133,7 @@ def with_effects(
     return WithEffects(_run_with(asked, parts), notes, tuple(runs), off, slopes, by_side)
 
 
-def _run_with(asked: Asked, parts: Mapping[str, Mapping[str, Part]]) -> Asked:
+def _run_with(asked: RunModels, parts: Mapping[str, Mapping[str, Part]]) -> RunModels:
     table = asked.table
     order = np.argsort(table.columns[TIME], kind="stable")
     columns = dict(table.columns)
@@ -174,7 +174,7 @@ def _candidates(trace: TableTrace, effect: FoundTableEffect) -> tuple[int, ...]:
     return tuple(j for j in chosen if judge.candidates[j].effect.name == effect.effect)
 
 
-def _others(asked: Asked, output: str, trace: TableTrace, effect: FoundTableEffect) -> Iterator[tuple[str, Part]]:
+def _others(asked: RunModels, output: str, trace: TableTrace, effect: FoundTableEffect) -> Iterator[tuple[str, Part]]:
     """Every other cause of an effect that the data cannot separate from it, and what it is in the calibration."""
     judge, chosen = trace.search.judge, trace.search.chosen
     problem, mine = judge.problem, _candidates(trace, effect)
@@ -187,7 +187,7 @@ def _others(asked: Asked, output: str, trace: TableTrace, effect: FoundTableEffe
         yield rival.effect, _part(asked, trace, rival.terms, fitted[beside.shape[1] :])
 
 
-def _part(asked: Asked, trace: TableTrace, candidates: Sequence[int], coefficients: FloatArray) -> Part:
+def _part(asked: RunModels, trace: TableTrace, candidates: Sequence[int], coefficients: FloatArray) -> Part:
     """An effect in the calibration, by its candidates; its contribution beyond that in use is taken off if it is no
     function of known quantities.
     """

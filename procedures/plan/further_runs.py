@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.fitter.effects.hands import Change, Done
+from rig.fitter.effects.manual_changes import Change, Done
 
 Limits = Mapping[str, tuple[float, float]]
 

@@ -14,7 +14,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.strata import DIFFER, by_side, reversed_by
-from rig.fitter.sums_of_squares import FTest, off
+from rig.fitter.sums_of_squares import FTest, project_out
 from rig.procedures.evaluate.budget_by_sensor import EvaluationBySensor
 from rig.procedures.evaluate.budgeting import Shift, Shifts
 from rig.procedures.evaluate.reversibility import in_words
@@ -144,7 +144,7 @@ class Transducer:
         columns = each[:, None] * self.fit.problem.formula.columns(data.table)[1]
         inside = (data.whole_plot[:, None] == data.whole_plots) * each[:, None]
         basis, side = orthonormal(np.column_stack([inside, columns])), data.pressure_side.astype(np.float64)
-        found, test, _, _ = by_side(columns, basis, off(each * data.outputs[self.name], basis), side)
+        found, test, _, _ = by_side(columns, basis, project_out(each * data.outputs[self.name], basis), side)
         if self.by_side is not None:
             more = reversed_by(columns, each * self.by_side, side, basis)
             found = more if found is None else found + more

@@ -11,7 +11,7 @@ import numpy as np
 from rig.fitter.arrays import IntArray
 from rig.fitter.confirm import Confirmation, Later, Question
 from rig.fitter.effects.entry import Entry
-from rig.fitter.effects.hands import Done
+from rig.fitter.effects.manual_changes import Done
 from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit, Confirming
 from rig.procedures.plan.further_runs import Variation, repeated
 from rig.procedures.plan.run_list import RunList

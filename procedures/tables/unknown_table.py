@@ -25,7 +25,7 @@ class SeenColumn:
 
 
 @dataclass(frozen=True)
-class Seen:
+class UnknownTable:
     """A table.
 
     Attributes:

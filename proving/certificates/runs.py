@@ -34,11 +34,11 @@ from rig.tables import run_table
 from rig.verbs.budget.evaluation import DOMINATED
 from rig.verbs.budget.result import budget
 from rig.verbs.certificate import words
-from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.assembly import SMALL
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.issue import Issue, issue
 from rig.verbs.certificate.numbers import plain
+from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import Made, Refused, make
 from rig.verbs.data.result import open as open_data
 
@@ -291,7 +291,7 @@ def violations(kind: str, seed: int, folder: Path, checks: list[Check]) -> list[
     """All that is wrong with the certificate of the run of a seed."""
     stand = stand_of(kind, seed, folder)
     run = run_of(stand)
-    made = make(Asked((run,), ISSUED, settings=folder / "certificate.toml"))
+    made = make(CertificateRequest((run,), ISSUED, settings=folder / "certificate.toml"))
     issued = issue(made, Issue(folder / "out"))
     document, files = issued.document, {path.suffix: path for path in issued.files}
     xml = files[".xml"].read_bytes()

@@ -91,7 +91,7 @@ def confirmed(first: First, folder: Path, hidden: AbstractSet[str], most: int = 
         told = judge(first, *made)
         asked = following(told)
     answers = () if told is None else told.answers
-    held = [[answer.verdict, list(answer.holding), [one.effect for one in answer.beside]] for answer in answers]
+    held = [[answer.verdict, list(answer.holding), [one.effect for one in answer.minor_causes]] for answer in answers]
     alone = {
         cause.partition(":")[0]
         for answer in answers

@@ -17,7 +17,7 @@ from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.instruments import CAUSES
 from rig.procedures.column_names import stem_of
 from rig.procedures.general.column_roles import Roles, roles_of
-from rig.procedures.general.of_runs import Asked, models_of, roles_of_run
+from rig.procedures.general.of_runs import RunModels, models_of, roles_of_run
 from rig.procedures.general.trace import search_table
 from rig.procedures.tables.table import Table
 from rig.run_file.events.bench import Warned
@@ -42,7 +42,7 @@ def names(lab: str, seed: int, *, hidden: bool) -> dict[str, list[str]]:
     """
     with tempfile.TemporaryDirectory() as folder:
         table = run_table(_run(lab, seed, Path(folder), hidden=hidden))
-    return {column: _found(table, roles) for column, roles in roles_of_run(Asked(table, models_of(table))).items()}
+    return {column: _found(table, roles) for column, roles in roles_of_run(RunModels(table, models_of(table))).items()}
 
 
 def _run(lab: str, seed: int, folder: Path, *, hidden: bool) -> Path:

@@ -137,13 +137,13 @@ def certificate(
             "a certificate needs a run or a table, and --out FOLDER: rig certificate RUN --out certificates"
         )
     from rig.files.atomic import check_files  # noqa: PLC0415
-    from rig.verbs.certificate.asked import Asked  # noqa: PLC0415
     from rig.verbs.certificate.issue import Issue, all_files, check_extras, issue  # noqa: PLC0415
+    from rig.verbs.certificate.request import CertificateRequest  # noqa: PLC0415
     from rig.verbs.certificate.result import make  # noqa: PLC0415
 
     later = tuple(confirmed_by or ())
     people = (calibrated_by, approved_by)
-    asked = Asked(
+    asked = CertificateRequest(
         tuple(runs), _date(issued), equipment, settings, later, *people, adjustment, _date(""), traced, _room(room)
     )
     how = Issue(out_folder, number or "", amends or "", because, template, paper, key, key_certificate, schema)

@@ -24,8 +24,8 @@ from rig.run_file.reader import RunReader
 from rig.run_file.state import read_state
 from rig.run_file.writer import RunWriter
 from rig.runs.plans import stored_plan
-from rig.verbs.certificate.asked import SETTINGS
 from rig.verbs.certificate.numbers_issued import numbers_issued
+from rig.verbs.certificate.request import SETTINGS
 from rig.verbs.certificate.settings import read_settings
 from rig.who import operator
 

@@ -68,13 +68,13 @@ def fit(
     Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit RUN --traced --temperature --out package.json`,
     `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
     """
-    from rig.tables import Asked, FileSource  # noqa: PLC0415
+    from rig.tables import FileForm, FileSource  # noqa: PLC0415
     from rig.verbs.data.result import fit_source  # noqa: PLC0415
 
     check_files([out_file, report], [data, *(confirmed_by or ()), *filter(None, (equipment,))])
     check_format(out_file, ".json")
     check_format(report, ".html", ".htm")
-    source = FileSource(data, Asked.of(separator, decimal, encoding, header))
+    source = FileSource(data, FileForm.of(separator, decimal, encoding, header))
     if not leave_out and not confirmed_by and _seen(source, "fit", given, as_json=as_json):
         return ExitCode.USAGE
     fitted = fit_source(
@@ -106,12 +106,12 @@ def trace(
     Examples: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`, `rig trace table.csv --response y
     --formula "1 + x" --group batch --time t_s`
     """
-    from rig.tables import Asked, FileSource  # noqa: PLC0415
+    from rig.tables import FileForm, FileSource  # noqa: PLC0415
     from rig.verbs.data.result import trace_source  # noqa: PLC0415
 
     check_files([report], [data])
     check_format(report, ".html", ".htm")
-    source = FileSource(data, Asked.of(separator, decimal, encoding, header))
+    source = FileSource(data, FileForm.of(separator, decimal, encoding, header))
     if _seen(source, "trace", given, as_json=as_json):
         return ExitCode.USAGE
     found = trace_source(source, given)

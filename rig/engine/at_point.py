@@ -30,11 +30,11 @@ from rig.engine.journal import Journal, PointInHand
 from rig.engine.liveness import Liveness
 from rig.engine.measuring import Observation
 from rig.engine.motion import NEARLY, Leg, plan_legs, recovery_legs
+from rig.engine.prepared_environment import commanded
 from rig.engine.queue import PointQueue
 from rig.engine.read_by_hand import ReadByHand
 from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
-from rig.engine.standing import commanded
 from rig.engine.steering import Steering, overshot
 from rig.engine.wellness import Wellness
 from rig.instruments.opening import Bench

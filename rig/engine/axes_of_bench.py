@@ -8,7 +8,7 @@ from rig.bench.approach import Approach
 from rig.bench.quantities import PRESSURE_UNIT, TEMPERATURE_UNIT
 from rig.drivers.roles import Chamber, Instrument, PressureController, Source
 from rig.engine.axes import Axes, ChamberMover, HeadMover, Mover, PressureMover, SourceMover
-from rig.engine.held import held_factors, of_head
+from rig.engine.hard_factors import held_factors, of_head
 from rig.engine.steered import Steered
 from rig.errors import ConfigurationError
 from rig.instruments.opening import Bench

@@ -23,7 +23,7 @@ from rig.engine.early_warning import EarlyWarnings
 from rig.engine.failure_counts import Policies
 from rig.engine.fault_classes import FAULTS, InterlockHold, TemperatureLeft
 from rig.engine.guard import Guard
-from rig.engine.held import held_factors
+from rig.engine.hard_factors import held_factors
 from rig.engine.holding import CannotHold, Holding, NobodyCame
 from rig.engine.holes import HoleInTime, watched
 from rig.engine.identities import compare_identities
@@ -31,13 +31,13 @@ from rig.engine.interruptions import HoldRequested, Interrupted, Interruptions, 
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.pace import Pace
 from rig.engine.parking import Parking
+from rig.engine.prepared_environment import PreparedEnvironment
 from rig.engine.queue import PointQueue
 from rig.engine.read_by_hand import ReadByHand
 from rig.engine.safe_state import make_safe
 from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
-from rig.engine.standing import Standing
 from rig.engine.states import AT_POINT, FINAL, Moves, State
 from rig.engine.steered import Steered
 from rig.engine.steering import Steering
@@ -160,7 +160,7 @@ class Sequencer:
             steering=Steering(self._do, conduct, [one for one in self._axes.movers if isinstance(one, Steered)]),
         )
         self._well = Wellness(self._do, self._journal)
-        self._standing = Standing(conduct, self._journal, self._queue, self._soaking)
+        self._standing = PreparedEnvironment(conduct, self._journal, self._queue, self._soaking)
         self._hold = Holding(
             self._by_hand,
             self._journal,

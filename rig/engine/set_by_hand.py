@@ -64,7 +64,7 @@ class ToSet:
 
 
 @dataclass(frozen=True)
-class Standing:
+class SettingMade:
     """A setting that a person said was made.
 
     Attributes:
@@ -94,7 +94,7 @@ class SetByHand:
         people = {f.name: bench.by_hand(f.name) for f in run_list.factors}
         self._people = {name: person for name, person in people.items() if person is not None}
         self._factors = [f for f in run_list.factors if f.name in self._people]
-        self._stands: dict[str, Standing] = {}
+        self._stands: dict[str, SettingMade] = {}
         self._set_for: dict[str, int | None] = {}
 
     def recall(self, last: Mapping[str, SetEvent], whole_plot: int) -> None:
@@ -102,7 +102,7 @@ class SetByHand:
         for factor in self._factors:
             event = last.get(factor.name)
             if factor.hard and event is not None:
-                self._stands[factor.name] = Standing(event.setpoint, 0, event.setpoint, event.number)
+                self._stands[factor.name] = SettingMade(event.setpoint, 0, event.setpoint, event.number)
                 self._set_for[factor.name] = whole_plot
 
     def forget(self) -> None:
@@ -152,7 +152,7 @@ class SetByHand:
         side = (asked.setpoint > start) - (asked.setpoint < start)
         if before is not None and not side:
             side = before.side
-        self._stands[asked.factor.name] = Standing(asked.setpoint, side, start, stated)
+        self._stands[asked.factor.name] = SettingMade(asked.setpoint, side, start, stated)
         if asked.whole_plot is not None:
             self._set_for[asked.factor.name] = asked.whole_plot
 

@@ -12,7 +12,7 @@ from rig.drivers.clock import Clock
 from rig.engine.actions import BenchActions
 from rig.engine.axes import AxisReading
 from rig.engine.fault_classes import NotSettled, TemperatureLeft, TemperaturesNotSettled
-from rig.engine.held import Held
+from rig.engine.hard_factors import HardFactors
 from rig.engine.journal import Journal
 from rig.engine.measuring import Channel
 from rig.engine.queue import PointQueue
@@ -69,7 +69,7 @@ class Soaking:
         assert conduct.whole_plots is not None
         self.rules = WholePlots(bench, run_list, conduct.whole_plots)
         self._run_list, self._soak, self._poll_s = run_list, conduct.whole_plots.soak, conduct.poll_s
-        self._held, self._settings, self.watched = Held(bench, run_list, conduct.settled), settings, False
+        self._held, self._settings, self.watched = HardFactors(bench, run_list, conduct.settled), settings, False
         self._do, self._journal, self._queue = do, journal, queue
         self._clock, self._wait = clock, wait
         self._lost: Counter[int] = Counter()

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rig.drivers.roles import is_overload
-from rig.engine.held import held_factors
+from rig.engine.hard_factors import held_factors
 from rig.engine.measuring import Channel
 from rig.engine.readback import HANGS_S, Readback
 from rig.engine.settling import SETPOINT_STANDS, Criteria

@@ -7,18 +7,18 @@ from rig.register.check import absent, check_register, check_validity, entries
 from rig.register.read import DOCUMENT, parse_register, read_register, register_beside, register_of
 from rig.register.schema import Certificate, Equipment, Item, Laboratory, Register, SensorItem, Statement
 from rig.register.stated import check_covered, stated_of
-from rig.register.surroundings import Told, check_surroundings, holds_of
+from rig.register.surroundings import KnownConditions, check_surroundings, holds_of
 
 __all__ = [
     "DOCUMENT",
     "Certificate",
     "Equipment",
     "Item",
+    "KnownConditions",
     "Laboratory",
     "Register",
     "SensorItem",
     "Statement",
-    "Told",
     "absent",
     "check_covered",
     "check_register",

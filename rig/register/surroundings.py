@@ -30,7 +30,7 @@ Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Told:
+class KnownConditions:
     """Knowledge of the surroundings of equipment beside the thermometers of the bench.
 
     Attributes:
@@ -98,7 +98,7 @@ class Holds:
             return 1.0 if own == other else None
         return 1.0 if own in PERCENT and other in PERCENT else factor(other, own)
 
-    def sources(self, config: BenchConfig, columns: Columns, told: Told) -> dict[str, FloatArray]:
+    def sources(self, config: BenchConfig, columns: Columns, told: KnownConditions) -> dict[str, FloatArray]:
         """Values of all that tells of the quantity, in its unit, by what it is; readings that are missing are NaN."""
         found: dict[str, FloatArray] = {}
         for name in self.columns(config):
@@ -135,7 +135,9 @@ def stated_by_hand(steps: Sequence[Made]) -> Mapping[str, tuple[float, ...]]:
     return found
 
 
-def check_surroundings(register: Register, config: BenchConfig, columns: Columns, told: Told, where: str) -> None:
+def check_surroundings(
+    register: Register, config: BenchConfig, columns: Columns, told: KnownConditions, where: str
+) -> None:
     """Refuse certificates of equipment that stood outside the conditions under which they hold.
 
     Args:

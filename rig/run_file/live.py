@@ -89,7 +89,7 @@ def silent_s(run: Path, utc_s: float) -> float:
 
 
 @dataclass(frozen=True)
-class Asked:
+class WaitingStep:
     """The step by hand that a run waits for, as its controller reports it.
 
     Attributes:
@@ -105,7 +105,7 @@ class Asked:
     value: str
 
 
-def asked_by_hand(live: Mapping[str, Any]) -> Asked | None:
+def asked_by_hand(live: Mapping[str, Any]) -> WaitingStep | None:
     """The step by hand that a live state tells of; None if there is none, or it makes no sense."""
     told = live.get("asked")
     if not isinstance(told, Mapping):
@@ -113,7 +113,7 @@ def asked_by_hand(live: Mapping[str, Any]) -> Asked | None:
     step, of, say, value = (told.get(name) for name in ("step", "of", "say", "value"))
     if not (type(step) is int and type(of) is int and isinstance(say, str) and isinstance(value, str)):
         return None
-    return Asked(step, of, say, value)
+    return WaitingStep(step, of, say, value)
 
 
 def done_command(run: Path | str, value: str) -> str:

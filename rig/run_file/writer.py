@@ -23,6 +23,7 @@ from rig.run_file import wal
 from rig.run_file.audit import findings
 from rig.run_file.beside import Alone, check_journal, foreign_log
 from rig.run_file.chain import Record, StoredRow, encode, link
+from rig.run_file.change_watch import MOVED, ChangeWatch, Mirror
 from rig.run_file.events.sessions import Ended
 from rig.run_file.last_word import LastWord, read_last_word
 from rig.run_file.opening import by_itself, check_header, check_name, checked, locked, opened_to_read, unreadable
@@ -30,7 +31,6 @@ from rig.run_file.reader import RunReader
 from rig.run_file.rescue import rescue
 from rig.run_file.schema import INSERT_RECORD, guard
 from rig.run_file.storage import storage_of
-from rig.run_file.vigil import MOVED, Mirror, Vigil
 
 
 class RunWriter(RunReader):
@@ -99,7 +99,7 @@ class RunWriter(RunReader):
         self._last_word = LastWord(self.path)
         if self._seq > 1 and not self.dropped.lost_commits:  # known to be lost, not yet recorded
             self._last_word.say(self._seq, self._hash)
-        self._vigil = Vigil(self.path, self._lock)
+        self._vigil = ChangeWatch(self.path, self._lock)
 
     def _cut_off(self, dropped: wal.WalState) -> wal.WalState:
         """The dropped records, given the number that the last session is known to have written."""

@@ -10,12 +10,12 @@ from rig.errors import UsageError
 from rig.files.regular import open_regular
 from rig.procedures.tables.table import Table
 from rig.tables.csv_files import read_any_csv, read_csv, read_gappy_csv, read_seen_csv, write_csv
-from rig.tables.of_others.asked import NOTHING, Asked
+from rig.tables.of_others.file_form import NOTHING, FileForm
 from rig.tables.sizes import usable
 from rig.tables.table_of_run import run_table
 
 __all__ = [
-    "Asked",
+    "FileForm",
     "FileSource",
     "Table",
     "is_run",
@@ -41,7 +41,7 @@ def is_run(path: Path) -> bool:
     return start.startswith(b"SQLite format 3")
 
 
-def read_table(path: Path, asked: Asked = NOTHING) -> Table:
+def read_table(path: Path, asked: FileForm = NOTHING) -> Table:
     """A table from a CSV file or from the accepted observations of a run file. Raises `UsageError` or
     `RunFileError`.
     """
@@ -58,7 +58,7 @@ class FileSource:
     """
 
     path: Path
-    asked: Asked = NOTHING
+    asked: FileForm = NOTHING
     _read: list[Table] = field(default_factory=list, repr=False, compare=False)
 
     @property

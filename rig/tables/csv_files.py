@@ -21,7 +21,7 @@ from rig.procedures.kinds import kinds
 from rig.procedures.tables.table import Table
 from rig.tables.cells_written import cells_of
 from rig.tables.evidence import without_evidence
-from rig.tables.of_others.asked import NOTHING, Asked
+from rig.tables.of_others.file_form import NOTHING, FileForm
 from rig.tables.of_others.footers import footers
 from rig.tables.of_others.layout import NoTable
 from rig.tables.of_others.numbers import (
@@ -63,12 +63,12 @@ def _regular(path: Path, most: int) -> BinaryIO:
     return file
 
 
-def read_csv(path: Path, asked: Asked = NOTHING) -> Table:
+def read_csv(path: Path, asked: FileForm = NOTHING) -> Table:
     """A CSV table of numbers; of others as they come, without gaps. Raises `UsageError`."""
     return without_evidence(_of_numbers_alone(path, asked))
 
 
-def _of_numbers_alone(path: Path, asked: Asked) -> Table:
+def _of_numbers_alone(path: Path, asked: FileForm) -> Table:
     if asked:
         return cells_of_others(path, asked).strict()
     try:
@@ -98,7 +98,7 @@ def _is_like_ours(path: Path) -> bool:
         return False
 
 
-def cells_of_others(path: Path, asked: Asked) -> TableOfOthers:
+def cells_of_others(path: Path, asked: FileForm) -> TableOfOthers:
     """A table of others. Raises `UsageError`."""
     with _regular(path, _MOST_CELLS) as file:
         return TableOfOthers.read(path, file.read(), asked)
@@ -124,7 +124,7 @@ def _read_csv(path: Path) -> Table:
     return Table(str(path), columns, simulated, {"file": path.name, "simulated": simulated}, rows=rows)
 
 
-def read_any_csv(path: Path, needed: Collection[str], asked: Asked = NOTHING) -> Table:
+def read_any_csv(path: Path, needed: Collection[str], asked: FileForm = NOTHING) -> Table:
     """A CSV table of any kind: columns that are not numbers are text.
 
     Args:
@@ -139,7 +139,7 @@ def read_any_csv(path: Path, needed: Collection[str], asked: Asked = NOTHING) ->
     return without_evidence(_of_any_kind(path, needed, asked), needed)
 
 
-def _of_any_kind(path: Path, needed: Collection[str], asked: Asked) -> Table:
+def _of_any_kind(path: Path, needed: Collection[str], asked: FileForm) -> Table:
     if asked:
         return cells_of_others(path, asked).any(needed)
     try:
@@ -181,7 +181,7 @@ def _read_any_csv(path: Path, needed: Collection[str]) -> Table:
     return Table(str(path), columns, False, provenance, text=text, gaps=missing, rows=rows)
 
 
-def read_gappy_csv(path: Path, numbers: Collection[str], asked: Asked = NOTHING) -> Table:
+def read_gappy_csv(path: Path, numbers: Collection[str], asked: FileForm = NOTHING) -> Table:
     """A CSV table with missing values: NaN in a column of numbers, "" in one of text.
 
     Args:
@@ -233,7 +233,7 @@ def _read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
     return Table(str(path), columns, False, provenance, text=text, rows=[number for number, _ in body])
 
 
-def read_seen_csv(path: Path, asked: Asked = NOTHING) -> Table:
+def read_seen_csv(path: Path, asked: FileForm = NOTHING) -> Table:
     """All columns and rows of any table, NaN and "" for missing values, by its look alone. Raises `UsageError`."""
     try:
         seen = cells_of_others(path, asked).gappy()

@@ -10,10 +10,10 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.procedures.column_names import stem_of
 from rig.procedures.kinds import kinds
-from rig.watch.reading import Seen
+from rig.watch.reading import ShownObservation
 
 
-def columns_of(seen: Sequence[Seen]) -> dict[str, FloatArray]:
+def columns_of(seen: Sequence[ShownObservation]) -> dict[str, FloatArray]:
     """(n,) values of every quantity that was set or read, by name; NaN where it was not."""
     names = {name for s in seen for group in (s.setpoints, s.references, s.temperatures) for name in group}
     return {
@@ -23,7 +23,7 @@ def columns_of(seen: Sequence[Seen]) -> dict[str, FloatArray]:
 
 
 def model_columns(
-    seen: Sequence[Seen], kind: str, declared: Mapping[str, Any], sensors: Sequence[str]
+    seen: Sequence[ShownObservation], kind: str, declared: Mapping[str, Any], sensors: Sequence[str]
 ) -> dict[str, FloatArray | None]:
     """(n, k) columns of a kind's declared model of each sensor at these observations, by its column.
 

@@ -20,7 +20,7 @@ from rig.run_file.documents import declared_model, kind_of_run, mounting_of
 from rig.run_file.live import controller_alive, live_path, read_json
 from rig.run_file.state import RunState
 from rig.watch.lines import Lines
-from rig.watch.reading import BATCH, Seen, WatchReader
+from rig.watch.reading import BATCH, ShownObservation, WatchReader
 from rig.watch.residuals import residuals
 from rig.watch.sample import Sample
 from rig.watch.words import expected_end, number, settling_now, state_now
@@ -74,9 +74,9 @@ class RunFeed:
         self._kind = ""
         self._declared: Mapping[str, Any] = {}
         self._mounting: Mapping[str, float] = {}
-        self._loaded: dict[int, Seen] = {}
+        self._loaded: dict[int, ShownObservation] = {}
         self._last_seq = 0
-        self._last: Seen | None = None
+        self._last: ShownObservation | None = None
         self._charts = _Charts()
         self._error = ""
 
@@ -241,7 +241,7 @@ class RunFeed:
             "temperatures": _temperatures(shown),
         }
 
-    def _residuals(self, shown: list[Seen]) -> dict[str, Any]:
+    def _residuals(self, shown: list[ShownObservation]) -> dict[str, Any]:
         return residuals(shown, self._reference, self._kind, self._declared, self._mounting)
 
 
@@ -251,7 +251,7 @@ def said(name: str) -> dict[str, str]:
     return {"what": stem.replace("_", " "), "unit": spelled(unit)} if stem else {"what": unit, "unit": ""}
 
 
-def _temperatures(shown: list[Seen]) -> dict[str, Any]:
+def _temperatures(shown: list[ShownObservation]) -> dict[str, Any]:
     """Recorded temperatures and chambers over the run."""
     names = sorted({name for s in shown for name in s.temperatures if name.endswith("_degC")})
     chambers = sorted({name for s in shown for name in s.environment})

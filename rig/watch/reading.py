@@ -19,7 +19,7 @@ _ASKED = 500
 
 
 @dataclass(frozen=True)
-class Seen:
+class ShownObservation:
     """The parts of an accepted observation that the page shows.
 
     Attributes:
@@ -68,7 +68,7 @@ class WatchReader(RunReader):
         )
         return [(row[0], self.sensible(row)) for row in rows]
 
-    def observations(self, seqs: Iterable[int], factors: Sequence[Factor]) -> list[Seen]:
+    def observations(self, seqs: Iterable[int], factors: Sequence[Factor]) -> list[ShownObservation]:
         """Observations by the numbers of their records; one whose contents make no sense is left out."""
         wanted, found = sorted(set(seqs)), []
         for first in range(0, len(wanted), _ASKED):
@@ -105,14 +105,14 @@ class WatchReader(RunReader):
         return int(self._all("SELECT count(DISTINCT whole_plot) FROM point")[0][0])
 
 
-def _seen(row: Sequence[Any], record: Record, factors: Sequence[Factor]) -> Seen | None:
+def _seen(row: Sequence[Any], record: Record, factors: Sequence[Factor]) -> ShownObservation | None:
     if not all(map(NUMBER.holds, row)):
         return None
     try:
         seen = record.event
         if not (isinstance(seen, Observed) and seen.outputs):
             return None
-        return Seen(
+        return ShownObservation(
             seq=record.seq,
             elapsed_s=record.elapsed_s,
             utc_s=record.utc_s,

@@ -13,14 +13,14 @@ from rig.fitter.errors import FitError
 from rig.procedures.column_names import spelled, unit_of
 from rig.procedures.plan.expected import Previous
 from rig.watch.against import columns_of, model_columns
-from rig.watch.reading import Seen
+from rig.watch.reading import ShownObservation
 
 _SPARE = 6
 """Minimum number of observations beyond the model's columns, for meaningful residuals."""
 
 
 def residuals(
-    seen: Sequence[Seen],
+    seen: Sequence[ShownObservation],
     reference: Previous | None,
     kind: str,
     declared: Mapping[str, Any],
@@ -55,7 +55,7 @@ def residuals(
 
 
 def _fitted(
-    seen: Sequence[Seen], outputs: Mapping[str, FloatArray], kind: str, declared: Mapping[str, Any]
+    seen: Sequence[ShownObservation], outputs: Mapping[str, FloatArray], kind: str, declared: Mapping[str, Any]
 ) -> tuple[dict[str, FloatArray], str]:
     """Residuals by sensor, and why there are none of some."""
     if not seen:

@@ -30,12 +30,12 @@ from rig.tables import run_table
 from rig.verbs.budget.evaluation import checked_run
 from rig.verbs.budget.result import budget
 from rig.verbs.certificate.about import equipment, steps_by_hand
-from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.assembly import conditions, decimal_text, doubtful, effects
 from rig.verbs.certificate.files import changes, write_once
 from rig.verbs.certificate.issue import Issue, issue
 from rig.verbs.certificate.layout import sections
 from rig.verbs.certificate.numbers import plain
+from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import Made, Refused, make
 from rig.verbs.certificate.runs import read_run
 from rig.verbs.certificate.words import UNTRACED
@@ -56,8 +56,8 @@ def bare(tmp_path_factory) -> Path:
     return path
 
 
-def asked(run: Path, settings: Path, **more: object) -> Asked:
-    return Asked((run,), DAY, settings=settings, **more)  # type: ignore[arg-type]
+def asked(run: Path, settings: Path, **more: object) -> CertificateRequest:
+    return CertificateRequest((run,), DAY, settings=settings, **more)  # type: ignore[arg-type]
 
 
 @pytest.fixture(autouse=True)
@@ -482,15 +482,15 @@ def test_a_date_if_the_customer_wants_one(run, tmp_path):
 def test_as_found_and_as_left(run, tmp_path):
     settings, left = settled(tmp_path), stand(tmp_path / "later")
     with pytest.raises(Refused, match="say what was adjusted between them"):
-        make(Asked((run, left), DAY, settings=settings))
+        make(CertificateRequest((run, left), DAY, settings=settings))
     with pytest.raises(Refused, match="both files are of the same run"):
-        make(Asked((run, run), DAY, settings=settings, adjustment="zero was set"))
-    found = make(Asked((run, left), DAY, settings=settings, adjustment="zero was set")).document
+        make(CertificateRequest((run, run), DAY, settings=settings, adjustment="zero was set"))
+    found = make(CertificateRequest((run, left), DAY, settings=settings, adjustment="zero was set")).document
     assert [one.stage for one in found.tables] == ["as found", "as left"]
     assert [one.stage for one in found.evidence] == ["as found", "as left"]
     assert found.adjustment == "zero was set"
     with pytest.raises(UsageError, match="one run, or of two"):
-        make(Asked((run, run, run), DAY, settings=settings))
+        make(CertificateRequest((run, run, run), DAY, settings=settings))
 
 
 def test_files_are_written_once(made, tmp_path):

@@ -13,8 +13,8 @@ from certificate_lab import ISSUED, settled, stand
 
 from rig.errors import UsageError
 from rig.verbs.certificate import files
-from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.issue import Issue, issue
+from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import Made, make
 
 pytest.importorskip("typst")
@@ -29,7 +29,7 @@ def run(tmp_path_factory) -> Path:
 @cache
 def _made(run: Path, deviation: float) -> Made:
     settings = settled(run.parent, TOLERANCE.format(deviation))
-    return make(Asked((run,), date.fromisoformat(ISSUED), settings=settings))
+    return make(CertificateRequest((run,), date.fromisoformat(ISSUED), settings=settings))
 
 
 def made(run: Path, folder: Path, deviation: float = 0.001) -> Made:
@@ -117,7 +117,9 @@ def agreed(tmp_path_factory) -> Path:
     ids=["as agreed", "wider", "another rule"],
 )
 def test_what_was_recorded_before_the_run_is_compared(agreed, tmp_path, now, words):
-    found = make(Asked((agreed,), date.fromisoformat(ISSUED), settings=settled(tmp_path, now))).document.deviations
+    found = make(
+        CertificateRequest((agreed,), date.fromisoformat(ISSUED), settings=settled(tmp_path, now))
+    ).document.deviations
     said = [one for one in found if "olerance" in one or "decision" in one]
     assert len(said) == len(words)
     assert all(one.startswith(start) for one, start in zip(said, words, strict=True))

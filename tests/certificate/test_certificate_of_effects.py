@@ -11,8 +11,8 @@ from command import rig
 
 from rig.fitter.rounding import rounded_df
 from rig.verbs.budget.evaluation import budget_run
-from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.html import html
+from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import Made, make
 from rig.verbs.certificate.runs import read_run
 
@@ -32,12 +32,12 @@ def run(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def declared(run) -> Made:
-    return make(Asked((run,), DAY, settings=LAB / "certificate.toml"))
+    return make(CertificateRequest((run,), DAY, settings=LAB / "certificate.toml"))
 
 
 @pytest.fixture(scope="module")
 def traced(run) -> Made:
-    return make(Asked((run,), DAY, settings=LAB / "certificate.toml", traced=True))
+    return make(CertificateRequest((run,), DAY, settings=LAB / "certificate.toml", traced=True))
 
 
 def at_rest(F: float) -> float:
@@ -105,7 +105,10 @@ def test_without_acceptance_the_page_does_not_say_that_the_value_lies_within(dec
 def test_conformity_counts_the_effect(declared, traced, run, tmp_path):
     text = (LAB / "certificate.toml").read_text().replace("deviation = 0.05", "deviation = 0.015")
     (tmp_path / "certificate.toml").write_text(text)
-    narrow = [make(Asked((run,), DAY, settings=tmp_path / "certificate.toml", traced=one)) for one in (False, True)]
+    narrow = [
+        make(CertificateRequest((run,), DAY, settings=tmp_path / "certificate.toml", traced=one))
+        for one in (False, True)
+    ]
     words = [one.document.statements[0] for one in narrow]
     assert words[0].verdict == "conditionalFail"
     assert float(words[0].probability) > 0.3  # 0.094 without the line
@@ -121,7 +124,7 @@ def test_an_effect_that_a_further_run_confirmed_is_in_the_results(monkeypatch, r
         return outcomes, SimpleNamespace(answers=(answer,), paths=later)
 
     monkeypatch.setitem(read_run.__globals__, "_traced", judged)
-    made = make(Asked((run,), DAY, settings=LAB / "certificate.toml", confirmed_by=(run,)))
+    made = make(CertificateRequest((run,), DAY, settings=LAB / "certificate.toml", confirmed_by=(run,)))
     assert made.document.tables == traced.document.tables
     assert made.document.models == traced.document.models
 

@@ -11,8 +11,8 @@ import pytest
 from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
 from command import rig
 
-from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.layout import sections
+from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import Refused, make
 
 DAY = date.fromisoformat(ISSUED)
@@ -34,7 +34,7 @@ def lab(tmp_path):
             path.write_text(written)
         settings = tmp_path / "certificate.toml"
         settings.write_text(text.replace("[method]", f"{table}\n[method]"))
-        return make(Asked(paths, DAY, settings=settings, **more)).document  # type: ignore[arg-type]
+        return make(CertificateRequest(paths, DAY, settings=settings, **more)).document  # type: ignore[arg-type]
 
     return made
 
@@ -61,13 +61,13 @@ def test_the_table_of_a_run_has_the_results_of_the_run(tmp_path):
     """Exported as CSV, with the same register: values, uncertainties, factors, conformity, conditions."""
     run = stand(tmp_path / "run")
     tolerance = '[[tolerance]]\nresult = "output at force 4 kN"\nunit = "V"\nnominal = 2.1\ndeviation = 0.01\n'
-    of_run = make(Asked((run,), DAY, settings=settled(tmp_path, tolerance))).document
+    of_run = make(CertificateRequest((run,), DAY, settings=settled(tmp_path, tolerance))).document
     done = rig("export", run, "--out", tmp_path / "run.csv")
     assert done.returncode == 0, done.stderr
     (tmp_path / "table").mkdir()
     (tmp_path / "table/equipment.toml").write_text(REGISTER)
     settings = settled(tmp_path / "table", tolerance, SETTINGS.replace("[method]", f"{TABLE}[method]"))
-    of_table = make(Asked((tmp_path / "run.csv",), DAY, settings=settings)).document
+    of_table = make(CertificateRequest((tmp_path / "run.csv",), DAY, settings=settings)).document
     assert of_table.tables == of_run.tables
     assert of_table.statements == of_run.statements
     assert of_table.budgets == of_run.budgets

@@ -10,8 +10,8 @@ import pytest
 from certificate_lab import ISSUED, settled, stand
 
 from rig.errors import ConfigurationError
-from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.layout import sections
+from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import Refused, make
 from rig.verbs.certificate.runs import read_run
 from rig.verbs.certificate.tolerances import ToleranceSettings
@@ -34,7 +34,9 @@ TRACED = cache(read_run.__globals__["_traced"])
 
 
 def made(run: Path, folder: Path, tolerance: str):
-    return make(Asked((run,), date.fromisoformat(ISSUED), settings=settled(folder, f"[[tolerance]]\n{tolerance}")))
+    return make(
+        CertificateRequest((run,), date.fromisoformat(ISSUED), settings=settled(folder, f"[[tolerance]]\n{tolerance}"))
+    )
 
 
 @pytest.mark.parametrize(
@@ -96,7 +98,7 @@ def test_combinations_that_say_nothing_are_refused_with_file_and_key(tmp_path, t
     text = f'[[tolerance]]\nresult = "every output"\nunit = "V"\n{tolerance}'
     settings = settled(tmp_path, text)
     with pytest.raises(ConfigurationError) as refused:
-        make(Asked((tmp_path / "none",), date.fromisoformat(ISSUED), settings=settings))
+        make(CertificateRequest((tmp_path / "none",), date.fromisoformat(ISSUED), settings=settings))
     assert f"{settings}: tolerance.0" in str(refused.value)
     assert words in str(refused.value)
 

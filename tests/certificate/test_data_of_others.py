@@ -15,10 +15,10 @@ from rig.errors import ConfigurationError
 from rig.register import parse_register
 from rig.verbs.certificate import words
 from rig.verbs.certificate.as_dcc import dcc
-from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.blocks import Grid
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.layout import sections
+from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import make
 from rig.verbs.certificate.runs import read_run
 
@@ -74,7 +74,7 @@ def certificate(run, tmp_path):
 
     def made(register: str, settings: str = "") -> Document:
         (tmp_path / "equipment.toml").write_text(register)
-        asked = Asked((run,), date.fromisoformat(ISSUED), settings=settled(tmp_path, settings, SETTINGS))
+        asked = CertificateRequest((run,), date.fromisoformat(ISSUED), settings=settled(tmp_path, settings, SETTINGS))
         return make(replace(asked, equipment=tmp_path / "equipment.toml")).document
 
     return made

@@ -12,7 +12,7 @@ from rig.bench.config import parse_bench
 from rig.register import absent, parse_register
 from rig.simulated.calendar import dated
 from rig.verbs.budget.evaluation import checked_run
-from rig.verbs.certificate.asked import Asked
+from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import make
 from rig.verbs.plan.result import plan
 
@@ -93,7 +93,7 @@ def test_what_the_register_does_not_state_is_said_by_plan_and_on_the_page(tmp_pa
     (tmp_path / "bench.toml").write_text(WITH_ASSETS)
     (tmp_path / "procedure.toml").write_text(PROCEDURE)
     assert plan(tmp_path / "procedure.toml", tmp_path / "bench.toml").to_json()["not_stated"] == list(ABSENT)
-    document = make(Asked((path,), date.fromisoformat(ISSUED), settings=settled(tmp_path))).document
+    document = make(CertificateRequest((path,), date.fromisoformat(ISSUED), settings=settled(tmp_path))).document
     assert document.deviations[-5:] == ABSENT
 
 

@@ -20,7 +20,7 @@ from rig.engine.session import Signals
 from rig.errors import ConfigurationError
 from rig.examples import example
 from rig.fitter.split_plot import fit_split_plot
-from rig.procedures.general.of_runs import Asked, fit_run
+from rig.procedures.general.of_runs import RunModels, fit_run
 from rig.procedures.general.planned import expected_run
 from rig.procedures.pressure.planned import expected_run as expected_pressures
 from rig.procedures.pressure.precision import coded_columns
@@ -167,7 +167,7 @@ def test_the_forecast_of_whole_plots_is_that_of_the_declared_errors_and_of_no_dr
     for seed in (3, 4, 5):
         procedure = parse_procedure(text.replace("seed = 3", f"seed = {seed}"), "procedure.toml")
         table = expected_run(procedure, procedure.expand(), {"meter_V": "meter"}).table
-        fit = fit_run(Asked.of(table)).result
+        fit = fit_run(RunModels.of(table)).result
         assert fit["sigma_subplot"] == pytest.approx(1e-3, rel=1e-6)
         assert fit["sigma_wholeplot"] == pytest.approx(ratio * 1e-3, rel=1e-6)
         errors.append([one["stderr"] for one in fit["coefficients"].values()])

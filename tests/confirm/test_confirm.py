@@ -17,8 +17,8 @@ from rig.engine.session import Outcome, Signals
 from rig.examples import example
 from rig.files.toml_text import toml_text
 from rig.fitter.confirm import NOTHING, Separation, confirm, confirm_all, separation
-from rig.fitter.confirm.beside import Beside, beside
 from rig.fitter.confirm.compare import Comparison
+from rig.fitter.confirm.minor_causes import MinorCause, minor_causes
 from rig.procedures.attitude.further_runs import further_runs
 from rig.procedures.attitude.model import mounting_matrix
 from rig.procedures.attitude.settings import MountingSettings
@@ -237,12 +237,12 @@ def test_what_the_two_runs_leave_room_for_beside_the_confirmed_cause_is_said(ope
     for every in (1, 30):
         kept = ~both.fresh
         kept[np.flatnonzero(both.fresh)[::every]] = True
-        limits[every] = max((one.up_to for one in beside(Comparison(both.only(kept), question), 0)), default=0.0)
+        limits[every] = max((one.up_to for one in minor_causes(Comparison(both.only(kept), question), 0)), default=0.0)
     assert 1 / 3 < limits[30] <= 1.0
     assert limits[1] < limits[30]
-    answer = replace(held, beside=(Beside("head-once-per-turn", limits[30]),))
+    answer = replace(held, minor_causes=(MinorCause("head-once-per-turn", limits[30]),))
     assert f"head-once-per-turn up to {100 * limits[30]:.0f} %" in may_be_beside(answer)
-    assert may_be_beside(replace(held, beside=())) == ""
+    assert may_be_beside(replace(held, minor_causes=())) == ""
 
 
 def test_effects_are_judged_beside_what_holds_of_the_others(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from proving.truth import attitude
 from rig.bench.config import parse_procedure
 from rig.fitter.confirm import Later, confirm, questions_of, separation
 from rig.fitter.confirm.runs import join
-from rig.fitter.effects.hands import Done
+from rig.fitter.effects.manual_changes import Done
 from rig.procedures.attitude.effects import CATALOGUE
 from rig.procedures.attitude.together import AttitudeTogether
 from rig.procedures.attitude.trace import trace

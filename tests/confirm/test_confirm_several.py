@@ -10,7 +10,7 @@ from command import rig
 
 from proving.truth import attitude
 from rig.fitter.confirm import Hypothesis, Later, Question, confirm, confirm_all, questions_of, separation, still_open
-from rig.fitter.confirm.beside import notable
+from rig.fitter.confirm.minor_causes import notable
 from rig.fitter.confirm.together import Fit
 from rig.procedures.attitude.model import mounting_matrix
 from rig.procedures.attitude.together import AttitudeTogether

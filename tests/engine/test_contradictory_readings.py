@@ -19,7 +19,7 @@ from rig.engine.session import Outcome
 from rig.run_file.own_scatter import ALARM, FEWEST, LOOK_BACK, Contradiction, OwnScatter
 from rig.run_file.reader import RunReader
 from rig.run_file.sense import judged
-from rig.tables import Asked, read_any_csv, run_table
+from rig.tables import FileForm, read_any_csv, run_table
 from rig.tables.csv_files import read_csv
 from rig.verbs.plan.result import plan
 
@@ -311,7 +311,7 @@ def test_an_exported_table_has_scatter_number_and_flags_and_is_read_as_the_run(t
     assert {row["readings"] for row in rows} == {"3"}
     assert [row["flag_contradictory"] for row in rows] == ["1" if i == 3 else "0" for i in range(len(rows))]
     run_columns = run_table(run_file).columns
-    read = read_csv(out, Asked(separator=",") if asked else Asked()).columns
+    read = read_csv(out, FileForm(separator=",") if asked else FileForm()).columns
     assert list(read) == list(run_columns)
     assert list(read_any_csv(out, ["cell_V"]).columns) == list(run_columns)
     assert "cell_sd_V" in read_any_csv(out, ["cell_sd_V"]).columns

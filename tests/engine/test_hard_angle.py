@@ -14,7 +14,7 @@ from proving.night import checks
 from proving.night.mishaps import Mishap
 from proving.night.play import play
 from proving.night.scenario import Scenario
-from rig.engine.held import Held
+from rig.engine.hard_factors import HardFactors
 from rig.engine.session import Outcome
 from rig.errors import ConfigurationError
 from rig.run_file.events.bench import Fault
@@ -146,7 +146,7 @@ def test_a_head_that_stalls_on_the_way_to_a_whole_plot_is_not_taken_to_have_arri
 
 
 def test_the_checks_of_nights_see_an_angle_that_is_assumed_after_a_kill(tmp_path, monkeypatch):
-    monkeypatch.setattr(Held, "out_of_place", lambda *_: "")
+    monkeypatch.setattr(HardFactors, "out_of_place", lambda *_: "")
     _, wrong = night(tmp_path, Mishap(52.0, "kill", {}), gap_s=30.0, faults=MOVED)
     assert {violation.invariant for violation in wrong} >= {"one stay", "verifies"}
 

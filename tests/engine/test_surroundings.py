@@ -17,14 +17,14 @@ from general_lab import BENCH, CHAMBER, PROCEDURE, WORLD, written
 from rig.bench.config import parse_bench
 from rig.dcc.reader import parsed
 from rig.errors import ConfigurationError, ExitCode
-from rig.register import Told, check_register, check_surroundings, holds_of, parse_register
+from rig.register import KnownConditions, check_register, check_surroundings, holds_of, parse_register
 from rig.runs.plans import load_plan
 from rig.verbs.budget.evaluation import checked_run
 from rig.verbs.certificate.as_dcc import dcc
-from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.layout import sections
 from rig.verbs.certificate.numbers import plain
+from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import Refused, make
 from rig.verbs.certificate.runs import read_run
 from rig.verbs.plan import foreseen
@@ -71,13 +71,17 @@ def holding(conditions: str, more: str = "") -> str:
 
 
 def told_of(
-    conditions: str, columns: dict[str, list[float]], told: Told | None = None, more: str = "", bench: str = ASSETS
+    conditions: str,
+    columns: dict[str, list[float]],
+    told: KnownConditions | None = None,
+    more: str = "",
+    bench: str = ASSETS,
 ) -> str:
     """What is refused of readings; "" for nothing."""
     register, config = parse_register(holding(conditions, more), "equipment.toml"), parse_bench(bench, "bench.toml")
     arrays = {name: np.array(values) for name, values in columns.items()}
     try:
-        check_surroundings(register, config, arrays, told or Told(), "equipment.toml")
+        check_surroundings(register, config, arrays, told or KnownConditions(), "equipment.toml")
     except ConfigurationError as error:
         return str(error)
     return ""
@@ -201,9 +205,12 @@ def test_a_hygrometer_is_of_the_room(change, says):
 @pytest.mark.parametrize(
     ("told", "by"),
     [
-        (Told(by_hand={"humidity_pct": (50.0, 85.0)}), "by a person in the run it goes from 50 to 85"),
-        (Told(stated={"humidity_pct": (50.0, 85.0)}), "by the laboratory's own record it goes from 50 to 85"),
-        (Told(by_hand={"valve_pct": (99.0,)}), ""),
+        (KnownConditions(by_hand={"humidity_pct": (50.0, 85.0)}), "by a person in the run it goes from 50 to 85"),
+        (
+            KnownConditions(stated={"humidity_pct": (50.0, 85.0)}),
+            "by the laboratory's own record it goes from 50 to 85",
+        ),
+        (KnownConditions(by_hand={"valve_pct": (99.0,)}), ""),
     ],
 )
 def test_what_no_column_has_may_be_stated(told, by):
@@ -259,7 +266,7 @@ def certificate(run: Path, folder: Path, register: str = "", **more: object) -> 
     if register:
         equipment = folder / "other.toml"
         equipment.write_text(register)
-    asked = Asked((run,), date.fromisoformat(ISSUED), settings=settled(folder), equipment=equipment)
+    asked = CertificateRequest((run,), date.fromisoformat(ISSUED), settings=settled(folder), equipment=equipment)
     return make(replace(asked, **more)).document  # type: ignore[arg-type]
 
 
@@ -352,7 +359,7 @@ def test_the_plan_knows_the_temperature_that_it_keeps_in_the_enclosure(tmp_path,
     set_to = foreseen.settled(plan_of)
     assert set_to == {"box_degC": np.array([setpoint])}
     with pytest.raises(ConfigurationError, match="by box_degC it goes from 35") if refused else nullcontext():
-        check_surroundings(register, plan_of.bench, set_to, Told(), "equipment.toml")
+        check_surroundings(register, plan_of.bench, set_to, KnownConditions(), "equipment.toml")
 
 
 def test_a_person_may_read_the_hygrometer_at_each_point(tmp_path):

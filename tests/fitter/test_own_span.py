@@ -53,8 +53,8 @@ def test_a_span_does_what_its_matrix_does(weighted):
     assert made.T @ made == pytest.approx(np.eye(span.rank), abs=1e-12)
     y = np.random.default_rng(4).standard_normal(N)
     left = y - levels @ (levels.T @ y)
-    assert span.levels.off(y) == pytest.approx(left, abs=1e-12)
-    assert span.off(left) == pytest.approx(left - basis @ (basis.T @ left), abs=1e-12)
+    assert span.levels.project_out(y) == pytest.approx(left, abs=1e-12)
+    assert span.project_out(left) == pytest.approx(left - basis @ (basis.T @ left), abs=1e-12)
     assert span.coordinates(y) == pytest.approx(made.T @ y, abs=1e-12)
     assert span.leverage == pytest.approx(np.sum(basis**2, axis=1), abs=1e-12)
     some = np.array([399, 3, 71, 200])
@@ -106,7 +106,7 @@ def test_a_long_run_needs_no_matrix_of_all_columns(monkeypatch):
     tracemalloc.start()
     try:
         assert rows.residual.shape == rows.kept.shape == rows.residual_of(np.ones(n)).shape == (n,)
-        assert data.rows.both.off(rows.levels.off(y)).shape == (n,)
+        assert data.rows.both.project_out(rows.levels.project_out(y)).shape == (n,)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rig.fitter.trace.flexible import waves
-from rig.fitter.trace.shape import Axis, Seen, nearest_sentence, shape_of, smoothed, standing_for
+from rig.fitter.trace.shape import Axis, ResidualAndWaves, nearest_sentence, shape_of, smoothed, standing_for
 
 N, LEVELS = 300, 15
 
@@ -29,7 +29,7 @@ def seen_in(x, y, scale=1.0, most=14):
     columns = left_by_line(x, waves(x, most))
     left = left_by_line(x, y[:, None])[:, 0]
     rough = np.arange(1.0, columns.shape[1] + 1)
-    return Seen(left, columns, left * scale, columns * scale, rough, x.size - 2)
+    return ResidualAndWaves(left, columns, left * scale, columns * scale, rough, x.size - 2)
 
 
 def shape_in(x, y, names=(), **more):
@@ -125,7 +125,7 @@ def test_a_surface_has_a_cell_for_each_pair():
     side = np.repeat([-1.0, 1.0], N // 2)
     columns = side[:, None] * waves(x, 8)
     y = side * np.sin(3.0 * x) + np.random.default_rng(5).standard_normal(N)
-    seen = Seen(y, columns, y, columns, np.arange(1.0, 9.0), N)
+    seen = ResidualAndWaves(y, columns, y, columns, np.arange(1.0, 9.0), N)
     shape = shape_of(seen, Axis("x", "x", "", x), Axis("side", "side", "", side), (), unit="", p=0.0, stratum="row")
     assert shape.estimate.size == 2 * LEVELS
     assert set(shape.y) == {-1.0, 1.0}
@@ -149,7 +149,7 @@ def test_cells_of_a_surface_stand_in_rows_and_columns_whatever_the_rounding():
     columns = waves(x, 3)[:, :, None] * waves(y, 3)[:, None, :]
     columns = columns.reshape(N, -1)
     left = 2.0 * columns[:, 0] + rng.standard_normal(N)
-    seen = Seen(left, columns, left, columns, np.arange(1.0, columns.shape[1] + 1), N)
+    seen = ResidualAndWaves(left, columns, left, columns, np.arange(1.0, columns.shape[1] + 1), N)
     shape = shape_of(seen, Axis("x", "x", "", x), Axis("y", "y", "", y), (), unit="", p=0.0, stratum="row")
     assert len(set(shape.x.tolist())) == len(set(shape.y.tolist())) == 5
     assert shape.estimate.size == 25

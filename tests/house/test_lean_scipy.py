@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 
-from rig.fitter.sums_of_squares import off
+from rig.fitter.sums_of_squares import project_out
 
 IMPORT = """
 import sys
@@ -29,6 +29,6 @@ def test_what_is_left_may_take_the_place_of_the_columns():
     rng = np.random.default_rng(1)
     basis = np.linalg.qr(rng.standard_normal((200, 5)))[0]
     columns = np.asfortranarray(rng.standard_normal((200, 70)))
-    expected = off(columns, basis)
-    assert off(columns, basis, overwrite=True) is columns
+    expected = project_out(columns, basis)
+    assert project_out(columns, basis, overwrite=True) is columns
     assert np.array_equal(columns, expected)

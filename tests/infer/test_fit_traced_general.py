@@ -16,7 +16,7 @@ from rig.procedures.general.effects.time_columns import lagging
 from rig.procedures.general.infer import CurveCalibration
 from rig.procedures.general.infer_runs import infer_sensors
 from rig.procedures.general.infer_table import infer_general
-from rig.procedures.general.of_runs import Asked, fit_run
+from rig.procedures.general.of_runs import RunModels, fit_run
 from rig.procedures.general.traced import fit_traced
 from rig.procedures.tables.table import Table
 from rig.tables import run_table
@@ -51,7 +51,7 @@ def in_air(tmp_path_factory):
 
 
 def test_an_effect_of_a_recorded_temperature_is_in_the_calibration_and_needs_it_of_the_readings(in_air):
-    asked = Asked.of(in_air)
+    asked = RunModels.of(in_air)
     assert asked is not None
     told = fit_traced(asked, (), ()).to_json()
     assert any("readings in use need air_degC (14" in note for note in told["calibration"]["notes"])
@@ -76,7 +76,7 @@ def test_of_a_lag_of_a_recorded_quantity_what_stays_at_rest_is_in_the_calibratio
     late = lagging(air, np.diff(t), 3.0 * float(np.median(np.diff(t))))
     plain = in_air.columns["cell_V"] - 0.004 * (air - 20.0)
     table = replace(in_air, columns={**in_air.columns, "cell_V": plain + 0.004 * (late - 20.0)})
-    asked = Asked.of(table)
+    asked = RunModels.of(table)
     assert asked is not None
     told = fit_traced(asked, (), ()).to_json()
     found = {name: one["estimate"] for name, one in told["coefficients"].items()}
@@ -86,7 +86,7 @@ def test_of_a_lag_of_a_recorded_quantity_what_stays_at_rest_is_in_the_calibratio
 
 
 def test_columns_that_no_sensor_needs_are_named(in_air):
-    asked = Asked.of(replace(in_air, columns={k: v for k, v in in_air.columns.items() if k != "air_degC"}))
+    asked = RunModels.of(replace(in_air, columns={k: v for k, v in in_air.columns.items() if k != "air_degC"}))
     assert asked is not None
     one = CurveCalibration.from_dict(fit_run(asked).to_json()["calibration"])
     two = replace(one, response="other_V")

@@ -15,7 +15,7 @@ from command import rig
 from rig.errors import UsageError
 from rig.fitter.errors import FitError
 from rig.procedures.general.clock_texts import seconds_of
-from rig.tables import Asked, FileSource, read_any_csv
+from rig.tables import FileForm, FileSource, read_any_csv
 
 
 @dataclass(frozen=True)
@@ -471,14 +471,14 @@ HEADED = {
 def test_the_row_of_names_that_is_said_is_obeyed_and_no_observation_is_lost(tmp_path, case):
     """`--header 1` of a table with empty columns at the end took row 2 for the names."""
     text, row, columns = HEADED[case]
-    table = FileSource(written(tmp_path, text), Asked.of(None, None, None, row)).all_columns()
+    table = FileSource(written(tmp_path, text), FileForm.of(None, None, None, row)).all_columns()
     assert {name: table.columns[name].tolist() for name in columns} == columns
     assert table.understood.get("header_row", 1) == row
 
 
 def test_a_row_of_names_that_is_not_there_is_told(tmp_path):
     with pytest.raises(UsageError, match="--header 9: this row is blank, or there is none; the last one is 3"):
-        FileSource(written(tmp_path, lines("x,y", "1,2", "3,4")), Asked.of(None, None, None, 9)).all_columns()
+        FileSource(written(tmp_path, lines("x,y", "1,2", "3,4")), FileForm.of(None, None, None, 9)).all_columns()
 
 
 @pytest.mark.parametrize("word", ["OL", "-OL", "O.L", "Overload", "+OVER", "OVERRANGE", "----", "+++++++", "BURNOUT"])

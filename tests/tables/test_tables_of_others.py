@@ -23,7 +23,7 @@ from rig.procedures.general.clock_texts import seconds_of
 from rig.procedures.general.directions import are_directions, likely_words, sides_of
 from rig.procedures.general.fit import fit_general
 from rig.procedures.general.rows import LinearRows
-from rig.tables import Asked, FileSource, read_any_csv, read_gappy_csv, read_table
+from rig.tables import FileForm, FileSource, read_any_csv, read_gappy_csv, read_table
 from rig.tables.of_others import footers
 from rig.tables.of_others.layout import is_value
 from rig.tables.of_others.lines import Line
@@ -185,15 +185,18 @@ def test_what_is_ambiguous_is_asked_in_one_line(tmp_path, text, says):
 
 def test_the_option_that_is_asked_for_settles_it(tmp_path):
     path = written(tmp_path, "x;y\n1;1,234\n2;5,678\n")
-    assert read_any_csv(path, ("y",), Asked.of(None, "comma", None, None)).columns["y"].tolist() == [1.234, 5.678]
-    assert read_any_csv(path, ("y",), Asked.of("semicolon", "point", None, None)).columns["y"].tolist() == [1234, 5678]
+    assert read_any_csv(path, ("y",), FileForm.of(None, "comma", None, None)).columns["y"].tolist() == [1.234, 5.678]
+    assert read_any_csv(path, ("y",), FileForm.of("semicolon", "point", None, None)).columns["y"].tolist() == [
+        1234,
+        5678,
+    ]
     cyrillic = written(tmp_path, "сила;y\n1,5;2\n2,5;3\n".encode("cp1251"), "cyrillic.csv")
-    table = read_any_csv(cyrillic, ("сила",), Asked.of(None, None, "cp1251", None))
+    table = read_any_csv(cyrillic, ("сила",), FileForm.of(None, None, "cp1251", None))
     assert table.columns["сила"].tolist() == [1.5, 2.5]
     two = written(tmp_path, "a;b\nc;d\n1;2\n3;4\n", "two.csv")
-    assert list(read_any_csv(two, ("c",), Asked.of(None, None, None, 2)).columns) == ["c", "d"]
+    assert list(read_any_csv(two, ("c",), FileForm.of(None, None, None, 2)).columns) == ["c", "d"]
     none = written(tmp_path, "1;2\n3;4\n", "none.csv")
-    assert read_any_csv(none, ("column_2",), Asked.of(None, None, None, 0)).columns["column_2"].tolist() == [2, 4]
+    assert read_any_csv(none, ("column_2",), FileForm.of(None, None, None, 0)).columns["column_2"].tolist() == [2, 4]
 
 
 @pytest.mark.parametrize(
@@ -202,7 +205,7 @@ def test_the_option_that_is_asked_for_settles_it(tmp_path):
 )
 def test_wrong_options_are_refused(wrong):
     with pytest.raises(UsageError, match="--"):
-        Asked.of(*wrong)
+        FileForm.of(*wrong)
 
 
 def test_what_was_understood_is_said_once_and_in_json(tmp_path):
@@ -400,7 +403,7 @@ def test_an_ambiguous_date_does_not_hide_the_proposal(tmp_path):
 )
 def test_a_file_of_one_column(tmp_path, text, more, expected):
     path = written(tmp_path, text)
-    asked = Asked.of(None, *(more or (None,)), None, None)
+    asked = FileForm.of(None, *(more or (None,)), None, None)
     if isinstance(expected, str):
         with pytest.raises(UsageError, match=expected):
             read_gappy_csv(path, ("y",), asked)

@@ -13,10 +13,10 @@ from rig.fitter.trace.in_part import p_in_part
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.trace import family, trace_general
 from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.nameless import Nameless
 from rig.procedures.general.trace.noise import Wandering
 from rig.procedures.general.trace.parts import in_parts
 from rig.procedures.general.trace.run import problem_of
+from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 from rig.procedures.pressure.trace import null, trace_whole_plots
 from rig.procedures.tables.table import Table
 
@@ -50,7 +50,7 @@ def damp_leak(c):
 
 
 def in_parts_of(data):
-    return in_parts(Nameless(TableJudge(problem_of(data)), (), data))
+    return in_parts(UnmodelledSmooth(TableJudge(problem_of(data)), (), data))
 
 
 @pytest.mark.parametrize(("adds", "words"), [(to_the_nearest_mark, "is 1"), (damp_leak, "is 2")])

@@ -7,7 +7,7 @@ from rig.fitter.trace.search import names_of
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.trace import search_table
 from rig.procedures.general.trace.laws import other_laws
-from rig.procedures.general.trace.nameless import Nameless
+from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 from rig.procedures.tables.table import Table
 
 
@@ -18,7 +18,7 @@ def traced(name, seed):
     data, _ = roles_of(table, Roles(**options(missing.lab)))
     found = search_table(data)
     names = names_of(found.judge.candidates, found.chosen)
-    return names, other_laws(Nameless(found.judge, found.chosen, data))
+    return names, other_laws(UnmodelledSmooth(found.judge, found.chosen, data))
 
 
 @pytest.mark.parametrize("seed", [701, 704])

@@ -32,15 +32,15 @@ def test_steps_of_two_transducers_at_once_are_doubtful_whatever_steps(seed, monk
 
 def test_an_alias_that_is_doubtful_in_another_transducer_is_a_doubt():
     names = {(0, "subplot"): ["saturation"], (1, "subplot"): ["pressure-third-order"], (2, "subplot"): ["creep"]}
-    nameless = SimpleNamespace(
+    unmodelled = SimpleNamespace(
         problem=SimpleNamespace(sensors=("a_mV", "b_mV", "c_mV")), names_in=lambda k, level: names.get((k, level), [])
     )
 
     def doubt(name, k):
         return "why" if (name, k) == ("saturation", 0) else None
 
-    text = of_alias(nameless, ("saturation", "creep"), 1, doubt)
+    text = of_alias(unmodelled, ("saturation", "creep"), 1, doubt)
     assert text is not None
     assert "saturation, which is doubtful in a_mV" in text
-    assert of_alias(nameless, ("creep",), 1, doubt) is None
-    assert of_alias(nameless, ("saturation",), 0, doubt) is None
+    assert of_alias(unmodelled, ("creep",), 1, doubt) is None
+    assert of_alias(unmodelled, ("saturation",), 0, doubt) is None

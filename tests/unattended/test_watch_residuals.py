@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from rig.procedures.pressure.expected import model_columns
-from rig.watch.reading import Seen
+from rig.watch.reading import ShownObservation
 from rig.watch.residuals import residuals
 
 N = 60
 
 
-def _seen(odd: dict[int, float | None]) -> list[Seen]:
+def _seen(odd: dict[int, float | None]) -> list[ShownObservation]:
     """Observations of a transducer; `odd` gives the temperature of some, None for not read."""
     rng = np.random.default_rng(20261123)
     made = []
@@ -26,7 +26,7 @@ def _seen(odd: dict[int, float | None]) -> list[Seen]:
                 temperatures["sensor_temperature_degC"] = (value, 0.0, 1)
         bridge = 0.1 + 2.0 * pressure + 1e-4 * sensor + 0.005 * rng.standard_normal()
         made.append(
-            Seen(
+            ShownObservation(
                 seq=i,
                 elapsed_s=60.0 * i,
                 utc_s=1.7e9 + 60.0 * i,
@@ -72,7 +72,11 @@ def test_residuals_of_a_sensor_with_a_model_of_its_own_are_of_that_model():
         bath, current = float(rng.uniform(0.0, 100.0)), float(rng.uniform(5e-4, 2e-3))
         outputs = {"prt_mV": 1e5 * current * (1.0 + 4e-3 * bath), "couple_mV": 0.04 * bath, "lamp_mV": 1.0 + current}
         noisy = {name: (value + 3e-4 * rng.standard_normal(), 0.0, 1) for name, value in outputs.items()}
-        seen.append(Seen(i, 60.0 * i, 1.7e9, i, None, {"bath_degC": bath, "current_A": current}, noisy, {}, {}, {}, ()))
+        seen.append(
+            ShownObservation(
+                i, 60.0 * i, 1.7e9, i, None, {"bath_degC": bath, "current_A": current}, noisy, {}, {}, {}, ()
+            )
+        )
     declared = {
         "formula": "0 + current_A + current_A:bath_degC",
         "couple": {"formula": "0 + bath_degC + bath_degC^2"},

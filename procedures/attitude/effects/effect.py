@@ -9,7 +9,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Entry
-from rig.fitter.effects.hands import ByHand
+from rig.fitter.effects.manual_changes import ByHand
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects.hands import FAMILIES
 from rig.procedures.attitude.effects.scene import Scene

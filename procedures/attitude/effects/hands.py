@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rig.fitter.effects.hands import ByHand, Change, resized_by
+from rig.fitter.effects.manual_changes import ByHand, Change, resized_by
 
 PADS_LOCKED = Change("pads-locked", "lock the isolation pads under the package")
 REMOUNTED = Change("remount", "take the package off the table, and mount it again as it was")

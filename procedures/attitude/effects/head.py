@@ -13,7 +13,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.effects.entry import Alias, Largest, Signed
-from rig.fitter.effects.hands import resized_by
+from rig.fitter.effects.manual_changes import resized_by
 from rig.fitter.effects.sizes import amplitude, arcsec, each
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects.effect import Effect, Term, fixed

@@ -12,7 +12,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Alias, Largest, Signed
-from rig.fitter.effects.hands import removed_by
+from rig.fitter.effects.manual_changes import removed_by
 from rig.fitter.effects.sizes import arcsec, each
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects.effect import Effect, Term, fixed

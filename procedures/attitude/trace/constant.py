@@ -16,35 +16,35 @@ from rig.fitter.trace.flexible import Block, remainders, turns, waves
 from rig.fitter.trace.search import names_of
 from rig.procedures.attitude.effects import Scene
 from rig.procedures.attitude.trace.estimate import estimate
-from rig.procedures.attitude.trace.nameless import WALKED, Nameless
 from rig.procedures.attitude.trace.problem import raw_columns
+from rig.procedures.attitude.trace.unmodelled import WALKED, UnmodelledSmooth
 
 ALIKE = 0.999
 """Correlation of two columns beside the declared model from which one sensor does not tell them apart."""
 
 
-def doubts_of(nameless: Nameless) -> dict[str, str]:
+def doubts_of(unmodelled: UnmodelledSmooth) -> dict[str, str]:
     """Reasons for doubt about the names found: of shapes without a name first, then of coefficients."""
-    return {**new_doubts(nameless), **nameless.doubts}
+    return {**new_doubts(unmodelled), **unmodelled.doubts}
 
 
-def new_doubts(nameless: Nameless) -> dict[str, str]:
+def new_doubts(unmodelled: UnmodelledSmooth) -> dict[str, str]:
     """Of names that are one whose coefficient changes, and of coefficients that are no constants."""
-    if not nameless.able or not nameless.chosen:
+    if not unmodelled.able or not unmodelled.chosen:
         return {}
-    added = _added(nameless)
-    found = changes(nameless, added)
+    added = _added(unmodelled)
+    found = changes(unmodelled, added)
     changing = {name: not_constant(one.over, one.p) for name, one in found.items() if one.p < CHANGES}
-    return {**_of_two_sizes(nameless), **_exchanged(nameless, added), **changing}
+    return {**_of_two_sizes(unmodelled), **_exchanged(unmodelled, added), **changing}
 
 
-def _of_two_sizes(nameless: Nameless) -> dict[str, str]:
+def _of_two_sizes(unmodelled: UnmodelledSmooth) -> dict[str, str]:
     """Of names of one size for all sensors, each with one that has the same shape in one sensor alone."""
-    problem, out = nameless.problem, dict[str, str]()
-    for j, k in permutations(nameless.chosen, 2):
+    problem, out = unmodelled.problem, dict[str, str]()
+    for j, k in permutations(unmodelled.chosen, 2):
         wide, own = problem.candidates[j], problem.candidates[k]
         if wide.sensor is None and own.sensor is not None:
-            products = problem.products[nameless.level_of(wide.effect.name)]
+            products = problem.products[unmodelled.level_of(wide.effect.name)]
             both, one, other = products.of([j, j, k], [k, j, k])[problem.sensors.index(own.sensor)]
             if both**2 > ALIKE**2 * one * other > 0.0:
                 names = (wide.effect.name, own.effect.name)
@@ -52,9 +52,9 @@ def _of_two_sizes(nameless: Nameless) -> dict[str, str]:
     return out
 
 
-def _added(nameless: Nameless) -> dict[str, FloatArray]:
+def _added(unmodelled: UnmodelledSmooth) -> dict[str, FloatArray]:
     """(S, n) what each name found adds to the sensors, V."""
-    problem, chosen = nameless.problem, nameless.chosen
+    problem, chosen = unmodelled.problem, unmodelled.chosen
     gamma, out = estimate(problem, chosen).gamma, dict[str, FloatArray]()
     for name in names_of(problem.candidates, chosen):
         mine = [k for k, j in enumerate(chosen) if problem.candidates[j].effect.name == name]
@@ -62,22 +62,22 @@ def _added(nameless: Nameless) -> dict[str, FloatArray]:
     return out
 
 
-def changes(nameless: Nameless, added: Mapping[str, FloatArray]) -> dict[str, Change]:
+def changes(unmodelled: UnmodelledSmooth, added: Mapping[str, FloatArray]) -> dict[str, Change]:
     """The clearest change of the coefficient of each name found, over all sensors that have it.
 
     Args:
-        nameless: the run with its findings.
+        unmodelled: the run with its findings.
         added: (S, n) what each name adds, V.
 
     """
-    problem, out = nameless.problem, dict[str, Change]()
+    problem, out = unmodelled.problem, dict[str, Change]()
     for name, own in added.items():
         common = any(
-            problem.candidates[j].sensor is None for j in nameless.chosen if problem.candidates[j].effect.name == name
+            problem.candidates[j].sensor is None for j in unmodelled.chosen if problem.candidates[j].effect.name == name
         )
         found: dict[str, list[float]] = {}
         for sensor, block in _common(problem.scene, own) if common else _each(problem.scene, own):
-            p = _p(nameless, name, sensor, block)
+            p = _p(unmodelled, name, sensor, block)
             if p is not None:
                 found.setdefault(block.place, []).append(p)
         clearest = change(found)
@@ -86,13 +86,13 @@ def changes(nameless: Nameless, added: Mapping[str, FloatArray]) -> dict[str, Ch
     return out
 
 
-def _exchanged(nameless: Nameless, added: Mapping[str, FloatArray]) -> dict[str, str]:
+def _exchanged(unmodelled: UnmodelledSmooth, added: Mapping[str, FloatArray]) -> dict[str, str]:
     """Names of which one with a coefficient that changes does the work of both, in sensors that both concern."""
-    scene, out = nameless.problem.scene, dict[str, str]()
+    scene, out = unmodelled.problem.scene, dict[str, str]()
     for name, other in permutations(added, 2):
         if not np.any(np.any(added[name], axis=1) & np.any(added[other], axis=1)):
             continue
-        view, mine = nameless.without_in_view((other,), nameless.level_of(other))
+        view, mine = unmodelled.without_in_view((other,), unmodelled.level_of(other))
         blocks = [block for _, block in _common(scene, added[name])]
         over = stands_in(view.outputs.reshape(-1), view.of(mine), blocks, partial(view.project, sensor=None), 1.0)
         if over is not None:
@@ -100,19 +100,19 @@ def _exchanged(nameless: Nameless, added: Mapping[str, FloatArray]) -> dict[str,
     return out
 
 
-def _p(nameless: Nameless, name: str, sensor: int | None, block: Block) -> float | None:
+def _p(unmodelled: UnmodelledSmooth, name: str, sensor: int | None, block: Block) -> float | None:
     """P by chance of products (n, m) of one sensor, or (S n, m) of all; None if nothing is left of them."""
-    problem, n = nameless.problem, len(nameless.problem.scene.data)
-    level = nameless.level_of(name)
-    view, rho = nameless.view(level), nameless.memory
+    problem, n = unmodelled.problem, len(unmodelled.problem.scene.data)
+    level = unmodelled.level_of(name)
+    view, rho = unmodelled.view(level), unmodelled.memory
     y = view.outputs.reshape(-1)[slice(None) if sensor is None else slice(sensor * n, (sensor + 1) * n)]
-    df = y.size // n * problem.levels.df(level) - len(nameless.chosen)
+    df = y.size // n * problem.levels.df(level) - len(unmodelled.chosen)
     project = partial(view.whitened, sensor=sensor, rho=rho)
     left = remainders(view.white(y, sensor, rho), df, [block], project)
     if not left:
         return None
     walks = left[0].p < WALKED
-    return max(left[0].p, nameless.against_a_walk(level, y, left[0].basis)) if walks else left[0].p
+    return max(left[0].p, unmodelled.against_a_walk(level, y, left[0].basis)) if walks else left[0].p
 
 
 def _each(scene: Scene, added: FloatArray) -> list[tuple[int, Block]]:

@@ -12,10 +12,9 @@ from rig.fitter.trace.doubts import DOUBT
 from rig.fitter.trace.flexible import Block, turns, waves
 from rig.fitter.trace.lines import Line, folded
 from rig.fitter.trace.outcome import Instead
-from rig.fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
+from rig.fitter.trace.shape import Axis, Name, ResidualAndWaves, Shape, shape_of, standing_for
 from rig.procedures.attitude.effects import Scene
 from rig.procedures.attitude.trace.levels import Level
-from rig.procedures.attitude.trace.nameless import Left, Nameless
 from rig.procedures.attitude.trace.places import (
     AFTER_A_TIP,
     ALONG_REPLICATION,
@@ -28,6 +27,7 @@ from rig.procedures.attitude.trace.places import (
     tipped,
 )
 from rig.procedures.attitude.trace.problem import AT_ONCE, raw_columns
+from rig.procedures.attitude.trace.unmodelled import ResidualShape, UnmodelledSmooth
 
 STRATA: dict[Level, str] = {"declared": "replication", "replications": "between-point", "points": "within-point"}
 UNIT, PER_DEG = "mdeg", 1e3
@@ -41,28 +41,28 @@ FINE = 24
 """Waves of a curve that is drawn over one variable: more than are tested, and as smooth as is likeliest."""
 
 
-def drawn(nameless: Nameless, left: Left, i: int) -> Shape | None:
+def drawn(unmodelled: UnmodelledSmooth, left: ResidualShape, i: int) -> Shape | None:
     """The shape that sensor `i` follows; None where the likeliest is nothing."""
-    place, axes = left.place, axes_of(nameless.problem.scene, left.place.text, i)
+    place, axes = left.place, axes_of(unmodelled.problem.scene, left.place.text, i)
     if axes is not None and place.text in ("over the pitch angle", "over gravity along the sensor"):
         columns = waves(axes[0].values, FINE)
         place = replace(place, columns=lambda: columns, roughness=np.arange(1.0, columns.shape[1] + 1))
-    return _drawn(nameless, place, i, left.p, axes)
+    return _drawn(unmodelled, place, i, left.p, axes)
 
 
-def drawn_instead(nameless: Nameless, names: tuple[str, ...], i: int) -> Instead | None:
+def drawn_instead(unmodelled: UnmodelledSmooth, names: tuple[str, ...], i: int) -> Instead | None:
     """One shape of sensor `i` in place of all effects of some names; None without names, or where there is none."""
     if not names:
         return None
-    rest = nameless.without(names)
+    rest = unmodelled.without(names)
     own = [one for one in rest.left if one.place.sensor in (None, i) and one.p < DOUBT and one.shows_in(i)]
     found = standing_for(names, ((one.where, drawn(rest, one, i)) for one in own[:PLACES]))
     return None if found is None else Instead(names, *found)
 
 
-def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:
+def drawn_period(unmodelled: UnmodelledSmooth, found: Line, i: int) -> Shape | None:
     """A period of sensor `i`, over its phase."""
-    problem, data = nameless.problem, nameless.problem.scene.data
+    problem, data = unmodelled.problem, unmodelled.problem.scene.data
     rows, level = problem.levels.executed, problem.levels.of_error
     if found.over:
         at = data.pitch_deg if found.over == "pitch" else np.mod(data.roll_deg, 360.0)
@@ -73,27 +73,27 @@ def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:
         at, period, unit = count, found.period, "readings"
     else:
         at, period, unit = data.elapsed_s / 60.0, found.period / 60.0, "min"
-    period, phase = folded(nameless.view(level).outputs[i], at, period)
+    period, phase = folded(unmodelled.view(level).outputs[i], at, period)
     columns = turns(360.0 * phase / period, HARMONICS)
     block = Block(found.where, columns, (columns.shape[1],), np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2))
     place = Place.of(block, level, i, len(problem.sensors))
     return _drawn(
-        nameless, place, i, found.p, (Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase), None)
+        unmodelled, place, i, found.p, (Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase), None)
     )
 
 
-def drawn_points(nameless: Nameless, left: Left | None, p: float, i: int) -> Shape | None:
+def drawn_points(unmodelled: UnmodelledSmooth, left: ResidualShape | None, p: float, i: int) -> Shape | None:
     """A lack of fit of sensor `i`: the clearest shape between points, else waves of pitch and roll.
 
     Args:
-        nameless: the run beside what was found.
+        unmodelled: the run beside what was found.
         left: the clearest shape.
         p: of the lack of fit.
         i: the sensor.
 
     """
-    shape = drawn(nameless, left, i) if left is not None and left.p < DOUBT else None
-    scene = nameless.problem.scene
+    shape = drawn(unmodelled, left, i) if left is not None and left.p < DOUBT else None
+    scene = unmodelled.problem.scene
     text = "over pitch and roll" if scene.roll else "over the pitch angle"
     axes = axes_of(scene, text, i)
     if shape is not None or axes is None:
@@ -110,43 +110,47 @@ def drawn_points(nameless: Nameless, left: Left | None, p: float, i: int) -> Sha
             for one, r in each
         ]
     columns, rough = each[0][0][:, 1:], each[0][1][1:]
-    place = Place.of(Block(text, columns, (columns.shape[1],), rough), "replications", i, len(nameless.problem.sensors))
-    return _drawn(nameless, place, i, p, axes)
+    place = Place.of(
+        Block(text, columns, (columns.shape[1],), rough), "replications", i, len(unmodelled.problem.sensors)
+    )
+    return _drawn(unmodelled, place, i, p, axes)
 
 
-def drawn_drift(nameless: Nameless, p: float, i: int) -> Shape | None:
+def drawn_drift(unmodelled: UnmodelledSmooth, p: float, i: int) -> Shape | None:
     """Offsets of the replications of sensor `i`."""
-    place = next(one for one in between_replications(nameless.problem.scene) if one.sensor == i)
-    return _drawn(nameless, replace(place, level="declared"), i, p, axes_of(nameless.problem.scene, place.text, i))
+    place = next(one for one in between_replications(unmodelled.problem.scene) if one.sensor == i)
+    return _drawn(unmodelled, replace(place, level="declared"), i, p, axes_of(unmodelled.problem.scene, place.text, i))
 
 
-def _drawn(nameless: Nameless, place: Place, i: int, p: float, axes: tuple[Axis, Axis | None] | None) -> Shape | None:
+def _drawn(
+    unmodelled: UnmodelledSmooth, place: Place, i: int, p: float, axes: tuple[Axis, Axis | None] | None
+) -> Shape | None:
     if axes is None:
         return None
-    problem, n = nameless.problem, len(nameless.problem.scene.data)
-    view, rho = nameless.view(place.level), nameless.memory
+    problem, n = unmodelled.problem, len(unmodelled.problem.scene.data)
+    view, rho = unmodelled.view(place.level), unmodelled.memory
     at = slice(None) if place.sensor is None else slice(place.sensor * n, (place.sensor + 1) * n)
     own = slice(i * n, (i + 1) * n) if place.sensor is None else slice(None)
     y, columns = view.outputs.reshape(-1)[at], view.project(place.columns(), place.sensor)
     scale = float(view.sigma[i] * np.degrees(1.0 / problem.fits[problem.sensors[i]].parameters.S_V) * PER_DEG)
-    seen = Seen(
+    seen = ResidualAndWaves(
         plain=y[own] * scale,
         plain_columns=columns[own] * scale,
         white=view.white(y, place.sensor, rho),
         white_columns=view.white(columns, place.sensor, rho),
         roughness=place.roughness,
-        df=y.size // n * problem.levels.df(place.level) - len(nameless.chosen),
+        df=y.size // n * problem.levels.df(place.level) - len(unmodelled.chosen),
     )
-    return shape_of(seen, *axes, _names(nameless, place, i), unit=UNIT, p=p, stratum=STRATA[place.level])
+    return shape_of(seen, *axes, _names(unmodelled, place, i), unit=UNIT, p=p, stratum=STRATA[place.level])
 
 
-def _names(nameless: Nameless, place: Place, i: int) -> Iterator[Name]:
+def _names(unmodelled: UnmodelledSmooth, place: Place, i: int) -> Iterator[Name]:
     """Every cause of which something is left where the shape is seen, beside what was found.
 
     Of a shape between points only what is judged there: pitch may go with the time of day by the order of running.
     """
-    problem, view, rho = nameless.problem, nameless.view(place.level), nameless.memory
-    mine = set(problem.concerned[i].tolist()) - set(nameless.chosen)
+    problem, view, rho = unmodelled.problem, unmodelled.view(place.level), unmodelled.memory
+    mine = set(problem.concerned[i].tolist()) - set(unmodelled.chosen)
     units = [
         unit
         for unit in problem.units

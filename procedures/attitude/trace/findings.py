@@ -27,13 +27,13 @@ from rig.procedures.attitude.trace.fine import turns_with
 from rig.procedures.attitude.trace.grid import same_on_grid
 from rig.procedures.attitude.trace.judge import AttitudeJudge
 from rig.procedures.attitude.trace.levels import LEVELS
-from rig.procedures.attitude.trace.nameless import Nameless
 from rig.procedures.attitude.trace.noise import noise_findings, outlier_finding
 from rig.procedures.attitude.trace.outliers import outliers
 from rig.procedures.attitude.trace.problem import Problem, raw_columns
 from rig.procedures.attitude.trace.remainder import shared_attitude, strongest_wave
 from rig.procedures.attitude.trace.result import FoundEffect, SensorTrace
 from rig.procedures.attitude.trace.score import RESOLVED
+from rig.procedures.attitude.trace.unmodelled import UnmodelledSmooth
 
 UNEXPLAINED = 1e-3
 """Probability of lack of fit or drift below which a remainder is reported."""
@@ -54,7 +54,7 @@ def sensor_trace(
     classes: dict[str, tuple[Rival, ...]],
     i: int,
     cv: FloatArray | None,
-    nameless: Nameless,
+    unmodelled: UnmodelledSmooth,
     doubts: Mapping[str, str],
 ) -> SensorTrace:
     """Findings in sensor `i`.
@@ -70,7 +70,7 @@ def sensor_trace(
         classes: all explanations of each effect found, by its name.
         i: the sensor.
         cv: (2,) rms errors left out, before and after.
-        nameless: shapes without a name beside what was found.
+        unmodelled: shapes without a name beside what was found.
         doubts: reasons for doubt about names, by name.
 
     """
@@ -78,7 +78,7 @@ def sensor_trace(
     sensor = problem.sensors[i]
     declared: AttitudeFit = problem.fits[sensor]
     inside = {problem.candidates[j].effect.name for j in (stated.left_in[i] if stated.left_in else ())}
-    rest = _unnamed(problem, after, nameless, i)
+    rest = _unnamed(problem, after, unmodelled, i)
     own = (judge.candidates[j].effect for j in after.chosen)
     slow = {effect.name for effect in own if effect.against == "elapsed_s" and effect.scope != "package"}
     shown = [e for name in classes if (e := _found(judge, whole, after, classes[name], name, i)) is not None]
@@ -112,7 +112,7 @@ def sensor_trace(
         cv_rms_after=None if cv is None else float(cv[1]),
         effects=effects,
         unnamed=unnamed,
-        instead=drawn_instead(nameless, tuple(e.effect for e in effects if e.doubtful), i),
+        instead=drawn_instead(unmodelled, tuple(e.effect for e in effects if e.doubtful), i),
         shared_attitude_before=shared_attitude(problem, before.corrected[i]),
         shared_attitude_after=shared_attitude(problem, stated.corrected[i]),
         fit=stated.fits[i],
@@ -238,33 +238,33 @@ def _pure_variance(table: Replication) -> float:
     return table.sigma_pr**2 if np.isfinite(table.sigma_pr) else table.sigma_E**2
 
 
-def _unnamed(problem: Problem, after: Estimate, nameless: Nameless, i: int) -> tuple[Unnamed, ...]:
+def _unnamed(problem: Problem, after: Estimate, unmodelled: UnmodelledSmooth, i: int) -> tuple[Unnamed, ...]:
     table, rest = after.tables[i], list[Unnamed]()
     if table.sigma_E < RESOLVED * np.ptp(after.corrected[i]):
         return ()
-    between, within = (nameless.left_in(i, level) for level in LEVELS[1:])
+    between, within = (unmodelled.left_in(i, level) for level in LEVELS[1:])
     if table.bias.p < UNEXPLAINED:
-        shape = drawn_points(nameless, between, table.bias.p, i)
+        shape = drawn_points(unmodelled, between, table.bias.p, i)
         rest.append(replace(strongest_wave(problem, after.corrected[i]), shape=shape))
     elif between is not None and between.p < UNEXPLAINED:
         part = _part(table, between.remainder.share)
-        rest.append(Unnamed(between.where, part, shape=drawn(nameless, between, i)))
-    fine = nameless.fine
+        rest.append(Unnamed(between.where, part, shape=drawn(unmodelled, between, i)))
+    fine = unmodelled.fine
     if fine is not None and fine.p < CLEAR and turns_with(problem.scene, fine.over, i):
         where = f"between points, package: an error of {fine.over}, {fine.where}"
-        rest.append(Unnamed(where, _part(table, fine.share), shape=drawn_period(nameless, fine, i)))
-    line = nameless.lines[i]
+        rest.append(Unnamed(where, _part(table, fine.share), shape=drawn_period(unmodelled, fine, i)))
+    line = unmodelled.lines[i]
     if line is not None and line.p < CLEAR:
-        rest.append(Unnamed(line.where, _part(table, line.share), shape=drawn_period(nameless, line, i)))
+        rest.append(Unnamed(line.where, _part(table, line.share), shape=drawn_period(unmodelled, line, i)))
     elif within is not None and within.p < UNEXPLAINED and not (problem.wander[i] > 0 and within.place.in_time):
         part = _part(table, within.remainder.share)
-        rest.append(Unnamed(within.where, part, shape=drawn(nameless, within, i)))
+        rest.append(Unnamed(within.where, part, shape=drawn(unmodelled, within, i)))
     if problem.wander[i] > 0:
         walk = "along the run: the offset takes a random walk"
         rest.append(Unnamed(walk, _walk_share(problem, i), stratum="noise"))
     elif table.drift.p < UNEXPLAINED:
         share = 1.0 - _pure_variance(table) / table.sigma_E**2
-        drift = drawn_drift(nameless, table.drift.p, i)
+        drift = drawn_drift(unmodelled, table.drift.p, i)
         rest.append(Unnamed("between replications: the parameters drift", float(np.clip(share, 0.0, 1.0)), shape=drift))
     return tuple(rest)
 

@@ -20,7 +20,7 @@ from scipy import sparse
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
-from rig.fitter.sums_of_squares import centred, off, own_parameters
+from rig.fitter.sums_of_squares import centred, own_parameters, project_out
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.model import attitude_columns
 from rig.procedures.attitude.trace.walks import Walks, walks_of
@@ -83,8 +83,8 @@ class Levels:
     def leave(self, columns: FloatArray, level: Level, *, overwrite: bool = False) -> FloatArray:
         """(n, q) remainder of `columns` (n, q) at a level, with `overwrite` in their place."""
         if level == "points":
-            return off(centred(columns, self.point), self._basis(level), overwrite=True)
-        return off(columns, self._basis(level), overwrite=overwrite)
+            return project_out(centred(columns, self.point), self._basis(level), overwrite=True)
+        return project_out(columns, self._basis(level), overwrite=overwrite)
 
     def taken(self, level: Level) -> tuple[FloatArray, Any]:
         """Bases of the parts that a level removes: (n, r) orthonormal, and (p, n) of the points, sparse, beside it."""
@@ -112,7 +112,7 @@ class Levels:
         left = self.leave(columns, level, overwrite=overwrite)
         if not beside.shape[1]:
             return left
-        return off(left, orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)), overwrite=True)
+        return project_out(left, orthonormal(self.leave(beside, level), np.linalg.norm(beside, axis=0)), overwrite=True)
 
     def products(self, columns: FloatArray, beside: FloatArray) -> dict[Level, FloatArray]:
         """(q + 1, q + 1) products of the remainders of `columns` (n, q) at each level, and zeros last. One sensor's

@@ -25,7 +25,6 @@ from rig.procedures.attitude.trace.estimate import concerns, estimate, stated
 from rig.procedures.attitude.trace.family import family_of
 from rig.procedures.attitude.trace.findings import residual_of, sensor_trace
 from rig.procedures.attitude.trace.judge import AttitudeJudge
-from rig.procedures.attitude.trace.nameless import Nameless
 from rig.procedures.attitude.trace.outliers import outliers
 from rig.procedures.attitude.trace.plausible import plausible
 from rig.procedures.attitude.trace.pose import pose
@@ -34,6 +33,7 @@ from rig.procedures.attitude.trace.restarts import search_with_restarts
 from rig.procedures.attitude.trace.result import Trace
 from rig.procedures.attitude.trace.score import score
 from rig.procedures.attitude.trace.simpler import simplified
+from rig.procedures.attitude.trace.unmodelled import UnmodelledSmooth
 from rig.procedures.attitude.trace.wander import expected, with_wander
 
 SEED = 20260115
@@ -116,8 +116,8 @@ def trace(
     classes = {name: judge.rivals(found, name) for name in names_of(problem.candidates, found)}
     wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
     wrong = (*judge.oversized, *wrong)
-    nameless = Nameless(problem, found)
-    doubts = doubts_of(nameless)
+    unmodelled = UnmodelledSmooth(problem, found)
+    doubts = doubts_of(unmodelled)
     sensors = {
         sensor: replace(
             sensor_trace(
@@ -131,7 +131,7 @@ def trace(
                 classes,
                 i,
                 None if cv is None else cv[:, i],
-                nameless,
+                unmodelled,
                 doubts,
             ),
             refused=tuple(one for one in wrong if sensor in one.sensors),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rig.fitter.effects.hands import ByHand, Change, resized_by
+from rig.fitter.effects.manual_changes import ByHand, Change, resized_by
 
 OTHER_METER = Change("meter-swapped", "read the sensors with another meter, if possible of another type")
 OTHER_REFERENCE = Change("reference-swapped", "use another reference standard, if possible of another type")

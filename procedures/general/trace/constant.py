@@ -12,29 +12,29 @@ from rig.fitter.trace.doubts import one_that_changes
 from rig.fitter.trace.exchange import stands_in
 from rig.fitter.trace.flexible import waves
 from rig.fitter.trace.search import names_of
-from rig.procedures.general.trace.nameless import ASKED_AGAIN, Nameless
 from rig.procedures.general.trace.run import TableData
+from rig.procedures.general.trace.unmodelled import ASKED_AGAIN, UnmodelledSmooth
 
 TO_A_LEVEL = 6
 """Rows in a level of a group, on average, from which on a coefficient is asked to be the same in all levels."""
 
 
-def changes(nameless: Nameless) -> dict[str, Change]:
+def changes(unmodelled: UnmodelledSmooth) -> dict[str, Change]:
     """The clearest change of the coefficient of each name found."""
-    judge, chosen = nameless.judge, nameless.chosen
-    if not nameless.able or not chosen:
+    judge, chosen = unmodelled.judge, unmodelled.chosen
+    if not unmodelled.able or not chosen:
         return {}
     beside = judge.beside(chosen)
     at, slow = beside.best, beside.slowest_of(np.ones(len(beside.reml), np.bool_))
-    variables, added = _variables(nameless.data), _added(nameless, at)
+    variables, added = _variables(unmodelled.data), _added(unmodelled, at)
     tested = len(names_of(judge.candidates, chosen))
     out = {}
     for name, own in added.items():
         found: dict[str, list[float]] = {}
         for block in products(own, variables):
-            p = nameless.p_of(block, at)
+            p = unmodelled.p_of(block, at)
             if p is not None and p * len(variables) * tested < ASKED_AGAIN and slow != at:
-                p = max(p, nameless.p_of(block, slow) or 0.0)
+                p = max(p, unmodelled.p_of(block, slow) or 0.0)
             if p is not None:
                 found[block.place] = [p]
         clearest = change(found)
@@ -43,22 +43,22 @@ def changes(nameless: Nameless) -> dict[str, Change]:
     return out
 
 
-def exchanged(nameless: Nameless) -> dict[str, str]:
+def exchanged(unmodelled: UnmodelledSmooth) -> dict[str, str]:
     """A sentence for each of two names of which one with a coefficient that changes does the work of both."""
-    judge, chosen = nameless.judge, nameless.chosen
+    judge, chosen = unmodelled.judge, unmodelled.chosen
     names = names_of(judge.candidates, chosen)
-    if not nameless.able or len(names) < 2:
+    if not unmodelled.able or len(names) < 2:
         return {}
     at = judge.beside(chosen).best
-    view, left = judge.view(at), nameless.left_under(at)
+    view, left = judge.view(at), unmodelled.left_under(at)
     variance = float(left @ left) / max(left.size - view.taken(chosen).shape[1], 1)
-    variables, added, out = _variables(nameless.data), _added(nameless, at), dict[str, str]()
+    variables, added, out = _variables(unmodelled.data), _added(unmodelled, at), dict[str, str]()
     for name, other in permutations(names, 2):
         theirs = [j for j in chosen if judge.candidates[j].effect.name == other]
         taken = view.taken(tuple(j for j in chosen if j not in theirs))
 
         def project(columns: FloatArray, taken: FloatArray = taken) -> FloatArray:
-            white = nameless.white(columns, at)
+            white = unmodelled.white(columns, at)
             return np.asarray(white - taken @ (taken.T @ white))
 
         y = judge.white(at, chosen)
@@ -69,11 +69,11 @@ def exchanged(nameless: Nameless) -> dict[str, str]:
     return out
 
 
-def _added(nameless: Nameless, at: int) -> dict[str, FloatArray]:
+def _added(unmodelled: UnmodelledSmooth, at: int) -> dict[str, FloatArray]:
     """(n,) what each name adds to the response."""
-    judge, chosen = nameless.judge, nameless.chosen
+    judge, chosen = unmodelled.judge, unmodelled.chosen
     problem = judge.problem
-    model = nameless.white(problem.model(chosen), at)
+    model = unmodelled.white(problem.model(chosen), at)
     gamma = np.linalg.lstsq(model, judge.white(at, chosen), rcond=1e-10)[0]
     first, out = problem.declared.shape[1], dict[str, FloatArray]()
     for j in chosen:

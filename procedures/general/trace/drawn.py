@@ -12,10 +12,10 @@ from rig.fitter.trace.doubts import DOUBT
 from rig.fitter.trace.flexible import Block, turns, waves
 from rig.fitter.trace.lines import Line, folded
 from rig.fitter.trace.outcome import Instead
-from rig.fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
+from rig.fitter.trace.shape import Axis, Name, ResidualAndWaves, Shape, shape_of, standing_for
 from rig.procedures.general.effects.scene import TableScene, is_angle
-from rig.procedures.general.trace.nameless import Left, Nameless
 from rig.procedures.general.trace.places import PER_COLUMN, Place
+from rig.procedures.general.trace.unmodelled import ResidualShape, UnmodelledSmooth
 
 HARMONICS, FINE = 3, 24
 """Harmonics of a period that its shape may have; waves of a curve that is drawn over one variable."""
@@ -25,81 +25,81 @@ STEP, SINCE = "over the step of ", " since each group's first row"
 """Beginning and end of the words for two places."""
 
 
-def drawn(nameless: Nameless, left: Left) -> Shape | None:
+def drawn(unmodelled: UnmodelledSmooth, left: ResidualShape) -> Shape | None:
     """The shape at a place; None where the likeliest is nothing."""
-    place, scene = left.place, nameless.data.scene
+    place, scene = left.place, unmodelled.data.scene
     if place.curve is not None and not is_angle(place.curve, _values(scene, place.curve)):
         values = _values(scene, place.curve)
         columns = waves(values, max(min(FINE, values.size // PER_COLUMN), place.block.columns.shape[1]))
         fine = Block(place.block.place, columns, place.block.orders, np.arange(1.0, columns.shape[1] + 1))
         place = replace(place, block=fine)
-    return _drawn(nameless, place, left.p, axes_of(nameless, place))
+    return _drawn(unmodelled, place, left.p, axes_of(unmodelled, place))
 
 
-def drawn_instead(nameless: Nameless, names: tuple[str, ...]) -> Instead | None:
+def drawn_instead(unmodelled: UnmodelledSmooth, names: tuple[str, ...]) -> Instead | None:
     """One shape in place of all effects of some names; None without names, or where there is none."""
     if not names:
         return None
-    candidates = nameless.judge.candidates
-    rest = replace(nameless, chosen=tuple(j for j in nameless.chosen if candidates[j].effect.name not in names))
+    candidates = unmodelled.judge.candidates
+    rest = replace(unmodelled, chosen=tuple(j for j in unmodelled.chosen if candidates[j].effect.name not in names))
     own = [one for one in rest.left if one.p < DOUBT]
     found = standing_for(names, ((one.place.block.place, drawn(rest, one)) for one in own[:PLACES]))
     return None if found is None else Instead(names, *found)
 
 
-def drawn_period(nameless: Nameless, found: Line) -> Shape | None:
+def drawn_period(unmodelled: UnmodelledSmooth, found: Line) -> Shape | None:
     """A period, over its phase; None without what it is over."""
-    time = nameless.data.scene.time
-    n = nameless.judge.problem.n
+    time = unmodelled.data.scene.time
+    n = unmodelled.judge.problem.n
     if found.over:
-        at, period, unit = nameless.data.scene.of(found.over), found.period, found.unit
+        at, period, unit = unmodelled.data.scene.of(found.over), found.period, found.unit
     elif time is None:
         return None
     elif found.unit == "readings":
         at, period, unit = np.argsort(np.argsort(time.values, kind="stable")).astype(np.float64), found.period, "rows"
     else:
         at, period, unit = time.values * (time.unit_s or 1.0), found.period, "s"
-    period, phase = folded(nameless.left_under(0), at, period)
+    period, phase = folded(unmodelled.left_under(0), at, period)
     columns = turns(360.0 * phase / period, min(HARMONICS, n // (2 * PER_COLUMN)))
     rough = np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
     block = Block(found.where, columns, (columns.shape[1],), rough)
     axis = Axis("phase", f"place in a period of {period:.4g} {unit}".rstrip(), unit, phase)
-    return _drawn(nameless, Place(block, frozenset(), timed=not found.over), found.p, (axis, None))
+    return _drawn(unmodelled, Place(block, frozenset(), timed=not found.over), found.p, (axis, None))
 
 
-def _drawn(nameless: Nameless, place: Place, p: float, axes: tuple[Axis, Axis | None] | None) -> Shape | None:
+def _drawn(unmodelled: UnmodelledSmooth, place: Place, p: float, axes: tuple[Axis, Axis | None] | None) -> Shape | None:
     if axes is None:
         return None
-    judge, sd = nameless.judge, nameless.judge.problem.sd
-    at = judge.beside(nameless.chosen).best
-    taken = judge.view(0).taken(nameless.chosen)
-    plain = nameless.white(place.block.columns, 0)
+    judge, sd = unmodelled.judge, unmodelled.judge.problem.sd
+    at = judge.beside(unmodelled.chosen).best
+    taken = judge.view(0).taken(unmodelled.chosen)
+    plain = unmodelled.white(place.block.columns, 0)
     plain = plain - taken @ (taken.T @ plain)
-    seen = Seen(
-        plain=nameless.left_under(0) * sd,
+    seen = ResidualAndWaves(
+        plain=unmodelled.left_under(0) * sd,
         plain_columns=plain * sd[:, None],
-        white=nameless.left_under(at),
-        white_columns=nameless.leave(place.block.columns, at),
+        white=unmodelled.left_under(at),
+        white_columns=unmodelled.leave(place.block.columns, at),
         roughness=place.block.roughness,
         df=sd.size - taken.shape[1],
     )
-    return shape_of(seen, *axes, _names(nameless, at), unit="", p=p, stratum="row")
+    return shape_of(seen, *axes, _names(unmodelled, at), unit="", p=p, stratum="row")
 
 
-def _names(nameless: Nameless, at: int) -> Iterator[Name]:
+def _names(unmodelled: UnmodelledSmooth, at: int) -> Iterator[Name]:
     """Every candidate beside what was found."""
-    view, candidates = nameless.judge.view(at), nameless.judge.candidates
-    taken = view.taken(nameless.chosen)
+    view, candidates = unmodelled.judge.view(at), unmodelled.judge.candidates
+    taken = view.taken(unmodelled.chosen)
     columns = view.columns - taken @ (taken.T @ view.columns)
     for j, one in enumerate(candidates):
-        if j not in nameless.chosen:
+        if j not in unmodelled.chosen:
             own = slice(int(view.start[j]), int(view.start[j + 1]))
             yield one.effect.name, columns[:, own], view.length[own]
 
 
-def axes_of(nameless: Nameless, place: Place) -> tuple[Axis, Axis | None] | None:
+def axes_of(unmodelled: UnmodelledSmooth, place: Place) -> tuple[Axis, Axis | None] | None:
     """The variable, and the second one, over which a place is drawn; None for a place that is not known."""
-    scene, text = nameless.data.scene, place.block.place
+    scene, text = unmodelled.data.scene, place.block.place
     at = {name: text.find(name) for name in place.variables}
     names = sorted(place.variables, key=lambda name: (at[name], -len(name)))
     if not names:
@@ -112,8 +112,8 @@ def axes_of(nameless: Nameless, place: Place) -> tuple[Axis, Axis | None] | None
     if text.startswith("over earlier "):
         before = np.concatenate([first.values[:1], first.values[:-1]])
         first = Axis(f"{first.variable}_before", f"{first.label} of the row before", "", before, settable=True)
-    if text.endswith(SINCE) and nameless.data.shared is not None:
-        group = nameless.data.shared
+    if text.endswith(SINCE) and unmodelled.data.shared is not None:
+        group = unmodelled.data.shared
         start = np.full(int(group.max()) + 1, np.inf)
         np.minimum.at(start, group, first.values)
         first = replace(first, label=f"{first.label} since the group's first row", values=first.values - start[group])

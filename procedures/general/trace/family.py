@@ -21,7 +21,7 @@ from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
-from rig.fitter.sums_of_squares import off
+from rig.fitter.sums_of_squares import project_out
 from rig.fitter.trace.chance import ALPHA
 from rig.procedures.general.trace.lengths import Simulated, Single
 from rig.procedures.general.trace.noise import BoolArray
@@ -176,7 +176,7 @@ def family_of(
     errors = rng.standard_normal((n, draws))
     ratio = _ratios(simulated, near[0], near[1], problem.noise.colour(at, errors), found.rank, df)
     if scatter is not None and n >= FEWEST_FOR_SCATTER:
-        ratio /= _scatter(scatter.units(), off(errors, found.basis).astype(np.float32), df)
+        ratio /= _scatter(scatter.units(), project_out(errors, found.basis).astype(np.float32), df)
     tails = {}
     smallest = np.ones(draws)
     for name, every in problem.named.items():
@@ -211,7 +211,7 @@ def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
     """
     which, k = np.array([g]), problem.declared.shape[1]
     white = problem.noise.whiten(which, np.hstack([problem.declared / problem.sd[:, None], drawn]))[0]
-    left = off(white[:, k:], orthonormal(white[:, :k]))
+    left = project_out(white[:, k:], orthonormal(white[:, :k]))
     return np.asarray(problem.n * np.log(np.sum(left**2, axis=0)) + problem.noise.log_det[g])
 
 
@@ -226,7 +226,7 @@ def _ratios(
     at_once = max(FEWEST_AT_ONCE, KEPT // max(simulated.columns.shape[1], 1))
     for g in np.union1d(without, beside).tolist():
         found = simulated.under(g)
-        left = off(problem.noise.whiten(np.array([g]), drawn)[0], found.basis)
+        left = project_out(problem.noise.whiten(np.array([g]), drawn)[0], found.basis)
         total = np.sum(left**2, axis=0)
         deviance = n * np.log(total) + log_det[g]
         usual = np.where(np.isnan(usual), deviance, usual)

@@ -11,9 +11,9 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.doubts import rests_on
 from rig.fitter.trace.search import names_of
 from rig.procedures.general.gross import of_table
-from rig.procedures.general.trace.nameless import Nameless
 from rig.procedures.general.trace.problem import Problem
 from rig.procedures.general.trace.run import Found, TableData, problem_of, search_table
+from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
 MOST = 2
 """Rows that are left out to see whether a name rests on them."""
@@ -86,25 +86,25 @@ def _repeated(data: TableData, rows: IntArray) -> bool:
     return data.points is not None and len(np.unique(data.points[rows])) < rows.size
 
 
-def resting(nameless: Nameless) -> dict[str, str]:
+def resting(unmodelled: UnmodelledSmooth) -> dict[str, str]:
     """Sentences about names of which nothing is left without one or two rows, by name."""
-    judge, chosen = nameless.judge, nameless.chosen
+    judge, chosen = unmodelled.judge, unmodelled.chosen
     out = {}
     for name in names_of(judge.candidates, chosen):
         rest = tuple(j for j in chosen if judge.candidates[j].effect.name != name)
-        rows = _rows_of(nameless, rest)
+        rows = _rows_of(unmodelled, rest)
         if rows:
-            out[name] = rests_on([nameless.data.rows[i] for i in rows])
+            out[name] = rests_on([unmodelled.data.rows[i] for i in rows])
     return out
 
 
-def _rows_of(nameless: Nameless, rest: tuple[int, ...]) -> list[int]:
+def _rows_of(unmodelled: UnmodelledSmooth, rest: tuple[int, ...]) -> list[int]:
     """Rows on which the effects beside the `rest` rest, in order; empty where there are none.
 
     The row whose deletion leaves least evidence is left out first. The fall of a sum of squares by a deletion is known
     from residual and leverage (Cook and Weisberg, Residuals and Influence in Regression, 1982, section 2.2).
     """
-    judge, chosen = nameless.judge, nameless.chosen
+    judge, chosen = unmodelled.judge, unmodelled.chosen
     view, white = judge.view(0), judge.white(0, chosen)
     small, large = view.taken(rest), view.taken(chosen)
     rank = large.shape[1] - small.shape[1]

@@ -13,7 +13,7 @@ from rig.fitter.trace.aliases import PER_COLUMN, Rival
 from rig.fitter.trace.chance import ALPHA
 from rig.procedures.general.trace.family import CERTAIN, TableFamily, evidence, family_of, least_of
 from rig.procedures.general.trace.lengths import Simulated
-from rig.procedures.general.trace.likelihood import Beside, Grid, ratio
+from rig.procedures.general.trace.likelihood import Grid, Likelihoods, ratio
 from rig.procedures.general.trace.problem import Candidate, Problem
 from rig.procedures.general.trace.rivalry import Rivalry, Trial, possible_of
 from rig.procedures.general.trace.rivals import rivals
@@ -60,7 +60,7 @@ class TableJudge:
     _held: dict[Key, FloatArray] = field(default_factory=dict)
     _off: dict[Key, FloatArray] = field(default_factory=dict)
     _grids: dict[Key, tuple[Grid, Key]] = field(default_factory=dict)
-    _besides: dict[Key, Beside] = field(default_factory=dict)
+    _besides: dict[Key, Likelihoods] = field(default_factory=dict)
     _trials: dict[tuple[Key, int], Trial] = field(default_factory=dict)
 
     @property
@@ -162,7 +162,7 @@ class TableJudge:
         extra = np.log(self.problem.n) - PER_COLUMN
         return {r: r.sigmas**2 + extra * sum(self.candidates[j].term.price for j in r.terms) for r in found if r.alias}
 
-    def beside(self, chosen: tuple[int, ...], extra: FloatArray | None = None) -> Beside:
+    def beside(self, chosen: tuple[int, ...], extra: FloatArray | None = None) -> Likelihoods:
         """Likelihoods of common noise of rows, with the declared columns, those `chosen`, and `extra` ones (n, d)."""
         key = tuple(sorted(chosen))
         if extra is not None:
@@ -326,7 +326,7 @@ class TableJudge:
             self._trials[key, j] = Trial(held, *self._both(key, j, whole, held))
         return self._trials[key, j]
 
-    def _both(self, key: Key, j: int, whole: Key, held: FloatArray) -> tuple[Beside, Beside]:
+    def _both(self, key: Key, j: int, whole: Key, held: FloatArray) -> tuple[Likelihoods, Likelihoods]:
         """Likelihoods without a candidate and with it, of a held response (n,)."""
         if whole in self._grids:
             grid, order = self._grids[whole]

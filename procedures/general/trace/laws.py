@@ -6,19 +6,19 @@ from rig.fitter.trace.doubts import another_law
 from rig.fitter.trace.search import names_of
 from rig.procedures.general.effects.of_settings import CLIP, KINK
 from rig.procedures.general.trace.judge import ALIKE
-from rig.procedures.general.trace.nameless import Nameless
+from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
 CURVES = "nonlinearity"
 
 
-def other_laws(nameless: Nameless) -> dict[str, str]:
+def other_laws(unmodelled: UnmodelledSmooth) -> dict[str, str]:
     """A sentence for each name of a curve over a setting that another curve over it may have as well.
 
     A square and a cube are what most curves look like over a small range: they are doubtful where another curve is more
     probable; other curves where another one is about as probable.
     """
-    judge, chosen, out = nameless.judge, nameless.chosen, dict[str, str]()
-    for name in names_of(judge.candidates, chosen) if nameless.able else ():
+    judge, chosen, out = unmodelled.judge, unmodelled.chosen, dict[str, str]()
+    for name in names_of(judge.candidates, chosen) if unmodelled.able else ():
         every = [
             (cost, judge.candidates[rival.terms[0]].effect)
             for rival, cost in judge.costs(judge.rivals(chosen, name)).items()
@@ -31,7 +31,7 @@ def other_laws(nameless: Nameless) -> dict[str, str]:
             for cost, effect in every
             if effect.name != name
             and (effect.source, effect.family, effect.columns) == (own[1].source, CURVES, own[1].columns)
-            and cost - own[0] < (0.0 if nameless.plain(name) else ALIKE)
+            and cost - own[0] < (0.0 if unmodelled.plain(name) else ALIKE)
         ]
         if near:
             first = min(near, key=lambda one: one[0])[1]

@@ -18,7 +18,7 @@ _ALIKE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
+class Likelihoods:
     """Likelihoods of the grid's covariances with a model.
 
     Attributes:
@@ -52,7 +52,9 @@ class Beside:
         return self.best_of(kept & (self.noise.memory == self.noise.memory[kept].max()))
 
 
-def ratio(without: Beside, beside: Beside, possible: tuple[BoolArray, BoolArray], rank: int, df: int) -> float:
+def ratio(
+    without: Likelihoods, beside: Likelihoods, possible: tuple[BoolArray, BoolArray], rank: int, df: int
+) -> float:
     """F equivalent to the likelihood ratio of `rank` columns, with `df` degrees of freedom left.
 
     Noise is fitted without and with the columns, each time among `possible` ((G,), (G,)). With independent errors it is
@@ -96,7 +98,7 @@ class Grid:
         left = white - np.matmul(self.basis, along)
         return replace(self, along=along[:, :, 0], left=left[:, :, 0])
 
-    def beside(self, extra: FloatArray | None = None) -> Beside:
+    def beside(self, extra: FloatArray | None = None) -> Likelihoods:
         """Likelihoods with the model and further columns (n, d), which are already divided by each row's own sd."""
         rss, det_x, k = np.sum(self.left**2, axis=1), self._log_det_x, self.basis.shape[2]
         if extra is not None and extra.shape[1]:
@@ -106,7 +108,7 @@ class Grid:
             det_x, k = det_x + _log_det(triangle, log_length), k + extra.shape[1]
         return self._beside(rss, det_x, k)
 
-    def without(self, taken: IntArray) -> Beside | None:
+    def without(self, taken: IntArray) -> Likelihoods | None:
         """Likelihoods without some of the model's columns; None where these depend on each other.
 
         What a column adds is along its dual, which is orthogonal to all others: a column of the inverse triangle.
@@ -144,12 +146,12 @@ class Grid:
         """(G,) of the model's columns whitened."""
         return _log_det(self.triangle, self.log_length)
 
-    def _beside(self, rss: FloatArray, det_x: FloatArray, k: int) -> Beside:
+    def _beside(self, rss: FloatArray, det_x: FloatArray, k: int) -> Likelihoods:
         n = self.left.shape[1]
         rss, df = np.maximum(rss, _TINY), max(n - k, 1)
         reml = -0.5 * (df * np.log(rss) + self.noise.log_det + det_x)
         ml = -0.5 * (n * np.log(rss) + self.noise.log_det)
-        return Beside(self.noise, n, reml, ml, rss / df)
+        return Likelihoods(self.noise, n, reml, ml, rss / df)
 
 
 def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from rig.fitter.trace.flexible import Block, turns
 from rig.fitter.trace.found import Unnamed
 from rig.fitter.trace.in_part import FEWEST, p_in_part
 from rig.procedures.general.effects.scene import TableScene, at_levels
-from rig.procedures.general.trace.nameless import Nameless
+from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
 LEVELS = 6
 """Values of a column of numbers, at most, that is one of kinds of rows."""
@@ -44,42 +44,42 @@ class Part:
     rows: NDArray[np.bool_]
 
 
-def in_parts(nameless: Nameless) -> Unnamed | None:
+def in_parts(unmodelled: UnmodelledSmooth) -> Unnamed | None:
     """The clearest shape of a part of the rows that the residual follows there; None if there is none."""
-    if not nameless.able:
+    if not unmodelled.able:
         return None
-    asked = [(part, block) for part in _parts(nameless.data.scene) for block in _shapes(nameless, part)]
-    at = nameless.judge.beside(nameless.chosen).best
-    first = [min(_p(nameless, part, block, k)[0] for k in {0, at}) for part, block in asked]
+    asked = [(part, block) for part in _parts(unmodelled.data.scene) for block in _shapes(unmodelled, part)]
+    at = unmodelled.judge.beside(unmodelled.chosen).best
+    first = [min(_p(unmodelled, part, block, k)[0] for k in {0, at}) for part, block in asked]
     best: tuple[float, float, str] = (UNEXPLAINED, 0.0, "")
     for k in np.argsort(first, kind="stable")[:AGAIN].tolist():
         part, block = asked[k]
         if first[k] * len(asked) < UNEXPLAINED:
-            p, gain = _averaged(nameless, part, block)
+            p, gain = _averaged(unmodelled, part, block)
             if p * len(asked) < best[0]:
                 where = f"{block.place}, in the rows whose {part.variable} is {part.words}"
                 best = p * len(asked), gain, where
-    left = nameless.left_under(at)
+    left = unmodelled.left_under(at)
     return Unnamed(best[2], min(best[1] / float(left @ left), 1.0)) if best[2] else None
 
 
-def _p(nameless: Nameless, part: Part, block: Block, under: int) -> tuple[float, float]:
+def _p(unmodelled: UnmodelledSmooth, part: Part, block: Block, under: int) -> tuple[float, float]:
     """P by chance of a shape of a part under one covariance, and the sum of squares it takes up."""
-    judge, rows = nameless.judge, part.rows
-    taken, white = judge.view(under).taken(nameless.chosen), nameless.white(block.columns, under)
-    return p_in_part(judge.white(under, nameless.chosen)[rows], taken[rows], white[rows])
+    judge, rows = unmodelled.judge, part.rows
+    taken, white = judge.view(under).taken(unmodelled.chosen), unmodelled.white(block.columns, under)
+    return p_in_part(judge.white(under, unmodelled.chosen)[rows], taken[rows], white[rows])
 
 
-def _averaged(nameless: Nameless, part: Part, block: Block) -> tuple[float, float]:
+def _averaged(unmodelled: UnmodelledSmooth, part: Part, block: Block) -> tuple[float, float]:
     """The same under all covariances, ln p averaged by how likely each is beside the shape.
 
     What happens with one range only, while it is used, looks like a slow wander to who does not know the shape.
     """
-    own = np.where(part.rows[:, None], block.columns, 0.0) / nameless.judge.problem.sd[:, None]
-    beside = nameless.judge.beside(nameless.chosen, own)
+    own = np.where(part.rows[:, None], block.columns, 0.0) / unmodelled.judge.problem.sd[:, None]
+    beside = unmodelled.judge.beside(unmodelled.chosen, own)
     log = beside.reml + np.log(beside.noise.prior)
     weight = np.where(log > log.max() - UNLIKELY, np.exp(log - log.max()), 0.0)
-    each = {int(k): _p(nameless, part, block, int(k)) for k in np.flatnonzero(weight)}
+    each = {int(k): _p(unmodelled, part, block, int(k)) for k in np.flatnonzero(weight)}
     total = sum(weight[k] * np.log(max(p, np.finfo(float).tiny)) for k, (p, _) in each.items())
     return float(np.exp(total / weight.sum())), each[int(np.argmax(log))][1]
 
@@ -99,10 +99,10 @@ def _parts(scene: TableScene) -> Iterator[Part]:
                 yield Part(name, word, rows)
 
 
-def _shapes(nameless: Nameless, part: Part) -> Iterator[Block]:
+def _shapes(unmodelled: UnmodelledSmooth, part: Part) -> Iterator[Block]:
     """Shapes for a part: over one setting or covariate, over settings before, and periods over a setting."""
-    scene = nameless.data.scene
-    for place in nameless.places:
+    scene = unmodelled.data.scene
+    for place in unmodelled.places:
         of_settings, block = place.variables <= set(scene.settings), place.block
         if part.variable in place.variables or len(place.variables) != 1 or not (place.curve or of_settings):
             continue

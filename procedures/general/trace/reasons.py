@@ -6,23 +6,23 @@ from rig.fitter.trace.doubts import CHANGES, not_constant, not_sudden
 from rig.procedures.general.trace.constant import changes, exchanged
 from rig.procedures.general.trace.few_rows import resting
 from rig.procedures.general.trace.laws import other_laws
-from rig.procedures.general.trace.nameless import Nameless
 from rig.procedures.general.trace.sudden import not_sudden as lasting
+from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
 
-def doubts_of(nameless: Nameless) -> dict[str, str]:
+def doubts_of(unmodelled: UnmodelledSmooth) -> dict[str, str]:
     """A sentence by name: rows that alone show a name first, then shapes without a name."""
-    return {**new_doubts(nameless), **nameless.doubts, **resting(nameless)}
+    return {**new_doubts(unmodelled), **unmodelled.doubts, **resting(unmodelled)}
 
 
-def new_doubts(nameless: Nameless) -> dict[str, str]:
+def new_doubts(unmodelled: UnmodelledSmooth) -> dict[str, str]:
     """Of names that are one whose coefficient changes, of coefficients that are no constants, of steps that last, of
     curves that may be others.
     """
-    changing = {name: not_constant(one.over, one.p) for name, one in changes(nameless).items() if one.p < CHANGES}
+    changing = {name: not_constant(one.over, one.p) for name, one in changes(unmodelled).items() if one.p < CHANGES}
     return {
-        **other_laws(nameless),
-        **exchanged(nameless),
-        **dict.fromkeys(sorted(lasting(nameless)), not_sudden()),
+        **other_laws(unmodelled),
+        **exchanged(unmodelled),
+        **dict.fromkeys(sorted(lasting(unmodelled)), not_sudden()),
         **changing,
     }

@@ -16,11 +16,11 @@ from rig.fitter.trace.shape import Shape
 from rig.procedures.general.trace.both import Both
 from rig.procedures.general.trace.drawn import drawn, drawn_period
 from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.nameless import Left, Nameless
 from rig.procedures.general.trace.noise import Wandering
 from rig.procedures.general.trace.parts import in_parts
 from rig.procedures.general.trace.score import NOTHING_LEFT
 from rig.procedures.general.trace.smooth import Smooth, curve, offered
+from rig.procedures.general.trace.unmodelled import ResidualShape, UnmodelledSmooth
 
 UNEXPLAINED = 1e-3
 """Probability below which there is a remainder, over all tested places."""
@@ -51,47 +51,47 @@ def pure_error(y: FloatArray, points: IntArray | None, effects: FloatArray) -> f
     return float(np.sqrt(left @ left / df))
 
 
-def unnamed(nameless: Nameless, variables: Mapping[str, FloatArray]) -> tuple[Unnamed, ...]:
+def unnamed(unmodelled: UnmodelledSmooth, variables: Mapping[str, FloatArray]) -> tuple[Unnamed, ...]:
     """Shapes that the residual follows: a slow wander, a period, jumps between two levels, or the clearest place."""
-    judge, chosen = nameless.judge, nameless.chosen
+    judge, chosen = unmodelled.judge, unmodelled.chosen
     rest = list[Unnamed](_slow(judge, chosen))
-    clearest = next(iter(nameless.left), None)
-    line, jumps = _period(nameless), nameless.jumps
+    clearest = next(iter(unmodelled.left), None)
+    line, jumps = _period(unmodelled), unmodelled.jumps
     if line is not None:
-        rest.append(Unnamed(line.where, line.share, shape=drawn_period(nameless, line)))
+        rest.append(Unnamed(line.where, line.share, shape=drawn_period(unmodelled, line)))
     if jumps is not None:
         levels = f"along the run: jumps between two levels {jumps.apart:.3g} apart, {jumps.stay:.3g} rows at the rarer"
-        rest.append(Unnamed(levels, jumps.share, shape=_along_the_run(nameless)))
+        rest.append(Unnamed(levels, jumps.share, shape=_along_the_run(unmodelled)))
     elif clearest is not None and clearest.p < UNEXPLAINED and not (clearest.place.timed and len(rest) > 0):
-        rest.append(_at(nameless, clearest, variables))
-    part = in_parts(nameless) if all(one.stratum == "noise" for one in rest) else None
+        rest.append(_at(unmodelled, clearest, variables))
+    part = in_parts(unmodelled) if all(one.stratum == "noise" for one in rest) else None
     return tuple(rest) if part is None else (*rest, part)
 
 
-def _period(nameless: Nameless) -> Line | None:
+def _period(unmodelled: UnmodelledSmooth) -> Line | None:
     """The clearest period in order or time; where there is none, one of a few waits, or a fine one over a setting."""
-    found = nameless.line
+    found = unmodelled.line
     if found is not None and found.p < CLEAR:
         return found
-    others = (one for one in (nameless.repeats, nameless.fine) if one is not None)
+    others = (one for one in (unmodelled.repeats, unmodelled.fine) if one is not None)
     return min((one for one in others if one.p < UNEXPLAINED), key=lambda one: one.p, default=None)
 
 
-def _at(nameless: Nameless, left: Left, variables: Mapping[str, FloatArray]) -> Unnamed:
+def _at(unmodelled: UnmodelledSmooth, left: ResidualShape, variables: Mapping[str, FloatArray]) -> Unnamed:
     """The remainder at a place, with an available curve if it is over one variable."""
     place, share, name = left.place, left.remainder.share, left.place.curve
     if name is None or not curve(variables[name]).shape[1]:
-        return Unnamed(f"{place.block.place}{left.detail}", share, shape=drawn(nameless, left))
-    residual = nameless.left_under(0)
+        return Unnamed(f"{place.block.place}{left.detail}", share, shape=drawn(unmodelled, left))
+    residual = unmodelled.left_under(0)
     where = f"{place.block.place}{_most(variables[name], residual)}"
-    smooth = _told(offered(nameless.judge, nameless.chosen, name, variables[name], share, where=where))
-    return replace(smooth, shape=drawn(nameless, left))
+    smooth = _told(offered(unmodelled.judge, unmodelled.chosen, name, variables[name], share, where=where))
+    return replace(smooth, shape=drawn(unmodelled, left))
 
 
-def _along_the_run(nameless: Nameless) -> Shape | None:
+def _along_the_run(unmodelled: UnmodelledSmooth) -> Shape | None:
     """The course along the run, where one is seen."""
-    course = next((one for one in nameless.left if one.place.curve is not None and one.place.timed), None)
-    return None if course is None else drawn(nameless, course)
+    course = next((one for one in unmodelled.left if one.place.curve is not None and one.place.timed), None)
+    return None if course is None else drawn(unmodelled, course)
 
 
 def _slow(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[Smooth, ...]:

@@ -28,13 +28,13 @@ from rig.procedures.general.trace.estimate import Estimate, estimate, strata_of
 from rig.procedures.general.trace.few_rows import searched
 from rig.procedures.general.trace.findings import noise_findings
 from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.nameless import Nameless
 from rig.procedures.general.trace.noise import Wandering
 from rig.procedures.general.trace.reasons import doubts_of
 from rig.procedures.general.trace.remainder import pure_error, unnamed
 from rig.procedures.general.trace.result import FoundTableEffect, TableSide, TableTrace
 from rig.procedures.general.trace.run import Found, TableData
 from rig.procedures.general.trace.shared import Shared
+from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
 WANDER = "slow-wander"
 """Name of the alias "noise with long memory" of an effect."""
@@ -60,9 +60,9 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
     before, after = estimate(judge, (), data.tails), estimate(judge, chosen, data.tails)
     crossed = left_out(looked.problem, judge, chosen, apart) if validate else None
     pure = [pure_error(data.y, data.points, _apart_from(judge, terms, apart)) for terms in ((), chosen)]
-    nameless = Nameless(judge, chosen, data)
-    doubts = doubts_of(nameless)
-    left = unnamed(nameless, _variables(data))
+    unmodelled = UnmodelledSmooth(judge, chosen, data)
+    doubts = doubts_of(unmodelled)
+    left = unnamed(unmodelled, _variables(data))
     if all(one.stratum == "noise" for one in left):
         left += in_place_of(found.not_kept)
     shown = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
@@ -94,7 +94,7 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
         after=TableSide(after, cv[1], pure[1], strata_of(judge, chosen, data.shared), data.shares),
         effects=(*effects, *noise),
         unnamed=rest,
-        instead=drawn_instead(nameless, tuple(effect.effect for effect in effects if effect.doubtful)),
+        instead=drawn_instead(unmodelled, tuple(effect.effect for effect in effects if effect.doubtful)),
         remarks=(*_remarks(found, data, after), *_not_predicted(0 if crossed is None else crossed[2])),
         y=data.y,
         variables=_variables(data) | _others(data),

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.procedures.general.trace.likelihood import Beside
+from rig.procedures.general.trace.likelihood import Likelihoods
 from rig.procedures.general.trace.noise import BoolArray
 from rig.procedures.general.trace.problem import Problem
 
@@ -29,8 +29,8 @@ class Trial:
     """
 
     y: FloatArray
-    without: Beside
-    beside: Beside
+    without: Likelihoods
+    beside: Likelihoods
 
     @property
     def gained(self) -> float:

@@ -9,27 +9,27 @@ from rig.fitter.trace.aliases import DELTA
 from rig.fitter.trace.sudden import lead_over_slopes, slopes
 from rig.procedures.general.effects.columns import origin
 from rig.procedures.general.effects.of_time import SENSITIVITY_STEP, STEP
-from rig.procedures.general.trace.nameless import Nameless
+from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
 
-def not_sudden(nameless: Nameless) -> frozenset[str]:
+def not_sudden(unmodelled: UnmodelledSmooth) -> frozenset[str]:
     """Names of steps found that are no better than a change that goes on for a good part of the run."""
-    judge, scene = nameless.judge, nameless.data.scene
-    if scene.time is None or not nameless.able:
+    judge, scene = unmodelled.judge, unmodelled.data.scene
+    if scene.time is None or not unmodelled.able:
         return frozenset()
-    at, found = judge.beside(nameless.chosen).best, set[str]()
-    view, left = judge.view(at), nameless.left_under(at)
-    variance = float(left @ left) / max(left.size - view.taken(nameless.chosen).shape[1], 1)
-    for j in nameless.chosen:
+    at, found = judge.beside(unmodelled.chosen).best, set[str]()
+    view, left = judge.view(at), unmodelled.left_under(at)
+    variance = float(left @ left) / max(left.size - view.taken(unmodelled.chosen).shape[1], 1)
+    for j in unmodelled.chosen:
         effect = judge.candidates[j].effect
         if effect.kind not in (STEP, SENSITIVITY_STEP):
             continue
-        taken = view.taken(tuple(k for k in nameless.chosen if k != j))
-        y = judge.white(at, nameless.chosen)
+        taken = view.taken(tuple(k for k in unmodelled.chosen if k != j))
+        y = judge.white(at, unmodelled.chosen)
         y = y - taken @ (taken.T @ y)
 
         def project(columns: FloatArray, taken: FloatArray = taken) -> FloatArray:
-            white = nameless.white(columns, at)
+            white = unmodelled.white(columns, at)
             return np.asarray(white - taken @ (taken.T @ white))
 
         changes = slopes(scene.time.values)

@@ -1,4 +1,4 @@
-"""The nameless rival of all names: a shape of all recorded quantities jointly."""
+"""The unmodelled smooth, rival of all names: a shape of all recorded quantities jointly."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rig.fitter.effects.hands import ByHand, Change, resized_by
+from rig.fitter.effects.manual_changes import ByHand, Change, resized_by
 
 OTHER_GAUGE = Change("gauge-swapped", "use another pressure controller, with a gauge of its own")
 OTHER_LINE = Change("line-swapped", "use another line to the transducers, of at least twice the bore", anew=False)

@@ -7,7 +7,7 @@ from functools import partial
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Alias, Signed
-from rig.fitter.effects.hands import resized_by
+from rig.fitter.effects.manual_changes import resized_by
 from rig.fitter.effects.sizes import by_term, each, micro
 from rig.procedures.pressure.effects.hands import OTHER_GAUGE
 from rig.procedures.pressure.effects.scene import (

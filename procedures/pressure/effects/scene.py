@@ -11,7 +11,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Entry
-from rig.fitter.effects.hands import ByHand
+from rig.fitter.effects.manual_changes import ByHand
 from rig.fitter.errors import FitError
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.effects.hands import FAMILIES

@@ -14,7 +14,7 @@ from rig.fitter.trace.exchange import stands_in
 from rig.fitter.trace.flexible import Block, remainders, waves
 from rig.procedures.pressure.effects.scene import PressureScene
 from rig.procedures.pressure.trace.estimate import coefficients_of
-from rig.procedures.pressure.trace.nameless import LOOKED_AT, Nameless, View
+from rig.procedures.pressure.trace.unmodelled import LOOKED_AT, UnmodelledSmooth, View
 
 OF_PLOTS = ("with the transducer's temperature", "with the electronics' temperature", "along the run")
 """Variables of whole plots: a coefficient that changes with them looks like a sensitivity that each plot draws anew."""
@@ -24,15 +24,15 @@ class Constant:
     """Names found within whole plots, and what they add to each transducer.
 
     Args:
-        nameless: the run with its findings.
+        unmodelled: the run with its findings.
 
     """
 
-    def __init__(self, nameless: Nameless) -> None:
-        self.nameless = nameless
-        problem = nameless.problem
-        every = (j for j in nameless.chosen if problem.judged_at[j] == "subplot")
-        self.inside = [j for j in every if not problem.candidates[j].effect.of_noise] if nameless.able else []
+    def __init__(self, unmodelled: UnmodelledSmooth) -> None:
+        self.unmodelled = unmodelled
+        problem = unmodelled.problem
+        every = (j for j in unmodelled.chosen if problem.judged_at[j] == "subplot")
+        self.inside = [j for j in every if not problem.candidates[j].effect.of_noise] if unmodelled.able else []
 
     @cached_property
     def doubts(self) -> dict[str, str]:
@@ -43,7 +43,7 @@ class Constant:
     @cached_property
     def changes(self) -> dict[str, Change]:
         """The clearest change of the coefficient of each name, over all transducers that have it."""
-        problem, view = self.nameless.problem, self.nameless.view("subplot")
+        problem, view = self.unmodelled.problem, self.unmodelled.view("subplot")
         out = {}
         for name in self._names(range(len(problem.sensors))):
             found: dict[str, list[float]] = {}
@@ -52,7 +52,7 @@ class Constant:
                     for one in remainders(view.outputs[i], int(view.df[i]), [block], partial(view.project, i=i)):
                         p = one.p
                         if p < LOOKED_AT and block.place in OF_PLOTS:
-                            p = max(p, self.nameless.among_slopes(i, one.basis))
+                            p = max(p, self.unmodelled.among_slopes(i, one.basis))
                         found.setdefault(block.place, []).append(p)
             clearest = change(found)
             if clearest is not None:
@@ -61,12 +61,12 @@ class Constant:
 
     def _exchanged(self) -> dict[str, str]:
         """Names of which one with a coefficient that changes does the work of both."""
-        problem, out = self.nameless.problem, dict[str, str]()
-        sigma = self.nameless.view("subplot").sigma
+        problem, out = self.unmodelled.problem, dict[str, str]()
+        sigma = self.unmodelled.view("subplot").sigma
         for i in range(len(problem.sensors)):
             for name, other in permutations(self._names([i]), 2):
                 theirs = self._mine(other, i)
-                rest = tuple(j for j in self.nameless.chosen if j not in theirs)
+                rest = tuple(j for j in self.unmodelled.chosen if j not in theirs)
                 view = View(problem, "subplot", rest, sigma)
                 own, blocks = view.of(theirs, [i]), self._blocks(name, i)
                 over = stands_in(view.outputs[i], own, blocks, partial(view.project, i=i), 1.0)
@@ -76,28 +76,28 @@ class Constant:
 
     def _names(self, sensors: range | list[int]) -> list[str]:
         """Names found in some transducers."""
-        found = dict.fromkeys(self.nameless.problem.candidates[j].effect.name for j in self.inside)
+        found = dict.fromkeys(self.unmodelled.problem.candidates[j].effect.name for j in self.inside)
         return [name for name in found if any(self._mine(name, i) for i in sensors)]
 
     def _mine(self, name: str, i: int) -> list[int]:
-        problem = self.nameless.problem
+        problem = self.unmodelled.problem
         own = ((j, problem.candidates[j]) for j in self.inside)
         return [j for j, c in own if c.effect.name == name and c.sensor in (None, problem.sensors[i])]
 
     def _blocks(self, name: str, i: int) -> list[Block]:
         """The contribution of a name to a transducer, times each variable."""
         mine = self._mine(name, i)
-        added = self.nameless.problem.raw[i][:, mine] @ np.array([self._values[j] for j in mine])
+        added = self.unmodelled.problem.raw[i][:, mine] @ np.array([self._values[j] for j in mine])
         return products(added, self._variables) if np.any(added) else []
 
     @cached_property
     def _values(self) -> dict[int, float]:
-        found = coefficients_of(self.nameless.problem, self.nameless.chosen)
+        found = coefficients_of(self.unmodelled.problem, self.unmodelled.chosen)
         return {j: one.value for j, one in found.items()}
 
     @cached_property
     def _variables(self) -> dict[str, FloatArray]:
-        return _variables(self.nameless.scene)
+        return _variables(self.unmodelled.scene)
 
 
 def _variables(scene: PressureScene) -> dict[str, FloatArray]:

@@ -12,11 +12,11 @@ from rig.fitter.trace.doubts import DOUBT
 from rig.fitter.trace.flexible import Block, turns, waves
 from rig.fitter.trace.lines import Line, folded
 from rig.fitter.trace.outcome import Instead
-from rig.fitter.trace.shape import Axis, Name, Seen, Shape, shape_of, standing_for
+from rig.fitter.trace.shape import Axis, Name, ResidualAndWaves, Shape, shape_of, standing_for
 from rig.procedures.pressure.effects.scene import PressureScene
-from rig.procedures.pressure.trace.nameless import Left, Nameless
 from rig.procedures.pressure.trace.places import Place
 from rig.procedures.pressure.trace.strata import Level
+from rig.procedures.pressure.trace.unmodelled import ResidualShape, UnmodelledSmooth
 
 UNIT = "mV"
 PLACES = 3
@@ -25,73 +25,75 @@ HARMONICS, FINE = 3, 24
 """Harmonics of a period that its shape may have; waves of a curve that is drawn over the pressure."""
 
 
-def drawn(nameless: Nameless, left: Left) -> Shape | None:
+def drawn(unmodelled: UnmodelledSmooth, left: ResidualShape) -> Shape | None:
     """The shape that a transducer follows; None where the likeliest is nothing."""
-    place, scene = left.place, nameless.scene
+    place, scene = left.place, unmodelled.scene
     if place.block.place == "over the pressure":
         columns = waves(np.sqrt(np.maximum(scene.p, 0.0)), FINE)
         fine = Block(place.block.place, columns, place.block.orders, np.arange(1.0, columns.shape[1] + 1))
         place = replace(place, block=fine)
-    return _drawn(nameless, place, left.sensor, left.p, axes_of(scene, place.block.place))
+    return _drawn(unmodelled, place, left.sensor, left.p, axes_of(scene, place.block.place))
 
 
-def drawn_instead(nameless: Nameless, names: tuple[str, ...], i: int) -> Instead | None:
+def drawn_instead(unmodelled: UnmodelledSmooth, names: tuple[str, ...], i: int) -> Instead | None:
     """One shape of transducer `i` in place of all effects of some names; None without names, or where there is none."""
     if not names:
         return None
-    candidates = nameless.problem.candidates
-    rest = replace(nameless, chosen=tuple(j for j in nameless.chosen if candidates[j].effect.name not in names))
+    candidates = unmodelled.problem.candidates
+    rest = replace(unmodelled, chosen=tuple(j for j in unmodelled.chosen if candidates[j].effect.name not in names))
     own = [one for one in rest.left if one.sensor == i and one.p < DOUBT]
     found = standing_for(names, ((one.unnamed().where, drawn(rest, one)) for one in own[:PLACES]))
     return None if found is None else Instead(names, *found)
 
 
-def drawn_period(nameless: Nameless, found: Line, i: int) -> Shape | None:
+def drawn_period(unmodelled: UnmodelledSmooth, found: Line, i: int) -> Shape | None:
     """A period of transducer `i` within whole plots, over its phase."""
-    problem, data = nameless.problem, nameless.scene.data
+    problem, data = unmodelled.problem, unmodelled.scene.data
     if found.unit == "readings":
         at, period, unit = np.argsort(np.argsort(problem.order)).astype(np.float64), found.period, "readings"
     else:
         at, period, unit = data.elapsed_s / 60.0, found.period / 60.0, "min"
-    period, phase = folded(nameless.view("subplot").outputs[i], at, period)
+    period, phase = folded(unmodelled.view("subplot").outputs[i], at, period)
     columns = turns(360.0 * phase / period, HARMONICS)
     rough = np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
     place = Place(Block(found.where, columns, (columns.shape[1],), rough), "subplot")
     return _drawn(
-        nameless, place, i, found.p, (Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase), None)
+        unmodelled, place, i, found.p, (Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase), None)
     )
 
 
-def _drawn(nameless: Nameless, place: Place, i: int, p: float, axes: tuple[Axis, Axis | None] | None) -> Shape | None:
+def _drawn(
+    unmodelled: UnmodelledSmooth, place: Place, i: int, p: float, axes: tuple[Axis, Axis | None] | None
+) -> Shape | None:
     if axes is None:
         return None
-    problem, view = nameless.problem, nameless.view(place.level)
+    problem, view = unmodelled.problem, unmodelled.view(place.level)
     y, columns = view.outputs[i], view.project(place.block.columns, i)
     weight = np.sqrt(problem.weight[i]) if place.level == "subplot" else problem.strata[i].precision
     scale = view.sigma[i] / weight
-    over, beside = (None if one is None else _at(one, nameless, place.level) for one in axes)
+    over, beside = (None if one is None else _at(one, unmodelled, place.level) for one in axes)
     if over is None:
         return None
-    seen = Seen(y * scale, columns * scale[:, None], y, columns, place.block.roughness, int(view.df[i]))
-    return shape_of(seen, over, beside, _names(nameless, place.level, i), unit=UNIT, p=p, stratum=place.level)
+    seen = ResidualAndWaves(y * scale, columns * scale[:, None], y, columns, place.block.roughness, int(view.df[i]))
+    return shape_of(seen, over, beside, _names(unmodelled, place.level, i), unit=UNIT, p=p, stratum=place.level)
 
 
-def _at(axis: Axis, nameless: Nameless, level: Level) -> Axis:
+def _at(axis: Axis, unmodelled: UnmodelledSmooth, level: Level) -> Axis:
     """The same with one value a row of the stratum: of readings, or of whole plots."""
     if level == "subplot":
         return axis
-    index = nameless.problem.whole_plot
+    index = unmodelled.problem.whole_plot
     return replace(axis, values=np.round(np.bincount(index, axis.values) / np.bincount(index), 1))
 
 
-def _names(nameless: Nameless, level: Level, i: int) -> Iterator[Name]:
+def _names(unmodelled: UnmodelledSmooth, level: Level, i: int) -> Iterator[Name]:
     """Every cause that is judged in the stratum, beside what was found; each value of a constant by itself."""
-    problem, view, sensor = nameless.problem, nameless.view(level), nameless.problem.sensors[i]
+    problem, view, sensor = unmodelled.problem, unmodelled.view(level), unmodelled.problem.sensors[i]
     length = problem.length_at[level][i] / view.sigma[i]
     every = [
         j
         for j in problem.within(level)
-        if j not in nameless.chosen
+        if j not in unmodelled.chosen
         and problem.candidates[j].sensor in (None, sensor)
         and not problem.candidates[j].effect.of_noise
     ]

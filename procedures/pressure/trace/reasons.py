@@ -5,40 +5,42 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from rig.fitter.trace.doubts import shown_by_another, under_another_name
-from rig.procedures.pressure.trace.nameless import Nameless
 from rig.procedures.pressure.trace.strata import LEVELS
+from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 
 UNEXPLAINED = 1e-3
 """Probability of a remainder, over all that is tried, below which it is said."""
 
 
-def of_another(nameless: Nameless, name: str, i: int) -> str | None:
+def of_another(unmodelled: UnmodelledSmooth, name: str, i: int) -> str | None:
     """Doubt about a name of transducer `i` where another one, without it, follows a shape in the same stratum.
 
     They are of one make and on one line, so that one cause of both is likelier than two.
     """
-    sensors = nameless.problem.sensors
+    sensors = unmodelled.problem.sensors
     for level in LEVELS:
-        having = [k for k in range(len(sensors)) if name in nameless.names_in(k, level)]
+        having = [k for k in range(len(sensors)) if name in unmodelled.names_in(k, level)]
         for k in range(len(sensors)):
-            left = nameless.left_in(k, level) if i in having and k not in having else None
+            left = unmodelled.left_in(k, level) if i in having and k not in having else None
             if left is not None and left.p < UNEXPLAINED:
                 return shown_by_another(sensors[k], left.place.block.place)
     return None
 
 
-def of_alias(nameless: Nameless, aliases: Sequence[str], i: int, doubt: Callable[[str, int], str | None]) -> str | None:
+def of_alias(
+    unmodelled: UnmodelledSmooth, aliases: Sequence[str], i: int, doubt: Callable[[str, int], str | None]
+) -> str | None:
     """Doubt about a name of transducer `i` of which another one has an alias, where that is doubtful.
 
     Args:
-        nameless: the run with its findings.
+        unmodelled: the run with its findings.
         aliases: of the name.
         i: the transducer.
         doubt: of a name in a transducer.
 
     """
-    for k, sensor in enumerate(nameless.problem.sensors):
-        for other in (name for level in LEVELS for name in nameless.names_in(k, level) if k != i):
+    for k, sensor in enumerate(unmodelled.problem.sensors):
+        for other in (name for level in LEVELS for name in unmodelled.names_in(k, level) if k != i):
             if other in aliases and doubt(other, k) is not None:
                 return under_another_name(sensor, other)
     return None

@@ -28,7 +28,6 @@ from rig.procedures.pressure.trace.courses import Course, courses
 from rig.procedures.pressure.trace.drawn import drawn, drawn_instead, drawn_period
 from rig.procedures.pressure.trace.estimate import Estimate, error_of, residual_of
 from rig.procedures.pressure.trace.judge import WholePlotJudge
-from rig.procedures.pressure.trace.nameless import Nameless
 from rig.procedures.pressure.trace.noise_report import noise_findings
 from rig.procedures.pressure.trace.problem import Problem
 from rig.procedures.pressure.trace.reasons import UNEXPLAINED, of_alias, of_another
@@ -45,6 +44,7 @@ from rig.procedures.pressure.trace.settle import Look
 from rig.procedures.pressure.trace.smooth import smoothest
 from rig.procedures.pressure.trace.some_plots import in_some_plots
 from rig.procedures.pressure.trace.strata import Level
+from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 
 DIFFERENT = 0.01
 """Coefficients of all transducers that agree with more than this probability are called equal."""
@@ -95,9 +95,9 @@ class Finding:
         return classes(self.judge, self.after.chosen)
 
     @cached_property
-    def nameless(self) -> Nameless:
+    def unmodelled(self) -> UnmodelledSmooth:
         """Shapes without a name beside what was found."""
-        return Nameless(self.judge.problem, replace(self.scene, data=self.data), self.after.chosen)
+        return UnmodelledSmooth(self.judge.problem, replace(self.scene, data=self.data), self.after.chosen)
 
     @cached_property
     def unweighted(self) -> tuple[Problem, tuple[int, ...]]:
@@ -108,13 +108,13 @@ class Finding:
     @cached_property
     def constant(self) -> Constant:
         """Whether the coefficients of what was found are constants."""
-        return Constant(self.nameless)
+        return Constant(self.unmodelled)
 
     @cached_property
     def courses(self) -> dict[int, Course]:
         """What whole plots follow beside what was found, by transducer."""
-        nameless = self.nameless
-        return courses(nameless.problem, nameless.scene, nameless.chosen) if nameless.able else {}
+        unmodelled = self.unmodelled
+        return courses(unmodelled.problem, unmodelled.scene, unmodelled.chosen) if unmodelled.able else {}
 
 
 def transducer(finding: Finding, i: int) -> TransducerTrace:
@@ -146,7 +146,7 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
         after=_side(finding, finding.stated, i, 1),
         effects=tuple(effects),
         unnamed=rest,
-        instead=drawn_instead(finding.nameless, tuple(effect.effect for effect in effects if effect.doubtful), i),
+        instead=drawn_instead(finding.unmodelled, tuple(effect.effect for effect in effects if effect.doubtful), i),
         alike=tuple(
             text for name in finding.classes for text in (_alike(finding, name), _mixed(finding, name)) if text
         ),
@@ -179,8 +179,8 @@ def _doubt(finding: Finding, effect: FoundPressureEffect, i: int) -> str | None:
     """
     every = (_doubt_in(finding, effect.effect, k) for k in (i, *range(len(finding.judge.problem.sensors))))
     said = next((text for text in every if text is not None), _alike_laws(finding, effect.effect))
-    said = said or of_another(finding.nameless, effect.effect, i)
-    said = said or of_alias(finding.nameless, effect.aliases, i, partial(_doubt_in, finding))
+    said = said or of_another(finding.unmodelled, effect.effect, i)
+    said = said or of_alias(finding.unmodelled, effect.aliases, i, partial(_doubt_in, finding))
     if said is None and _stays_in(finding, effect, i):
         return error_rises()
     return said or by_chance(effect.p_adjusted)
@@ -203,7 +203,7 @@ def _alike_laws(finding: Finding, name: str) -> str | None:
 def _doubt_in(finding: Finding, name: str, i: int) -> str | None:
     """Why a name should not be believed in transducer `i`."""
     problem, course = finding.judge.problem, finding.courses.get(i)
-    said = finding.nameless.doubts.get((name, i))
+    said = finding.unmodelled.doubts.get((name, i))
     if said is None:
         said = finding.constant.doubts.get(name)
     between = any(
@@ -368,28 +368,28 @@ def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
         "whole-plot": (repeated_whole_plots(data), strongest_whole_plot),
     }
     for level, (repeats, strongest) in by_level.items():
-        slopes = partial(finding.nameless.among_slopes, i)
+        slopes = partial(finding.unmodelled.among_slopes, i)
         smooth, p = smoothest(whitened, chosen, data, i, level, slopes)
         here: list[Unnamed] = []
         if p * len(whitened.sensors) < UNEXPLAINED:
             here.append(smooth)
         lacking = lack_of_fit(*finding.unweighted, level, repeats, i).p
         if lacking < UNEXPLAINED and level == "subplot":
-            lacking = max(lacking, finding.nameless.of_repeats(repeats, i))
+            lacking = max(lacking, finding.unmodelled.of_repeats(repeats, i))
         if lacking < UNEXPLAINED:
             here.append(strongest(*finding.unweighted, data, i))
-        left = finding.nameless.left_in(i, level)
+        left = finding.unmodelled.left_in(i, level)
         if not rest and not here and left is not None and left.p < UNEXPLAINED:
             here.append(left.unnamed())
         if here and left is not None:
-            here[0] = replace(here[0], shape=drawn(finding.nameless, left))
+            here[0] = replace(here[0], shape=drawn(finding.unmodelled, left))
         rest += here
         if level == "whole-plot" and i in finding.courses and not any(_BETWEEN in one.where for one in rest):
             rest.append(finding.courses[i].unnamed())
-    line = finding.nameless.lines[i]
+    line = finding.unmodelled.lines[i]
     if line is not None and line.p < CLEAR:
-        rest.append(Unnamed(line.where, line.share, shape=drawn_period(finding.nameless, line, i)))
-    if finding.nameless.able and all(one.stratum == "noise" for one in rest):
-        some = in_some_plots(finding.nameless, i)
+        rest.append(Unnamed(line.where, line.share, shape=drawn_period(finding.unmodelled, line, i)))
+    if finding.unmodelled.able and all(one.stratum == "noise" for one in rest):
+        some = in_some_plots(finding.unmodelled, i)
         rest += [] if some is None else [some]
     return tuple(rest)

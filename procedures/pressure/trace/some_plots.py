@@ -17,7 +17,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.found import Unnamed
 from rig.procedures.pressure.effects.scene import PressureScene
-from rig.procedures.pressure.trace.nameless import Nameless
+from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 
 LEAST_DF = 3
 """Degrees of freedom beside the shape in a whole plot that is asked, at least."""
@@ -29,13 +29,13 @@ OF_ITS_OWN = 0.01
 """Probability below which a whole plot is counted among those that follow it."""
 
 
-def in_some_plots(nameless: Nameless, i: int) -> Unnamed | None:
+def in_some_plots(unmodelled: UnmodelledSmooth, i: int) -> Unnamed | None:
     """The clearest shape that whole plots of transducer `i` follow, each by its own amount; None if there is none."""
-    problem, view = nameless.problem, nameless.view("subplot")
+    problem, view = unmodelled.problem, unmodelled.view("subplot")
     whiten, left, n = problem.strata[i].whiten, view.outputs[i], problem.whole_plot.size
     plots = np.arange(int(problem.whole_plot.max()) + 1) == problem.whole_plot[:, None]
     best: tuple[float, str, float] = (UNEXPLAINED, "", 0.0)
-    every = list(_shapes(nameless.scene))
+    every = list(_shapes(unmodelled.scene))
     for words, column, asked in every:
         # the model beside a shape of any amount in each whole plot, and beside the rows that are not asked
         own = np.column_stack([column[:, None] * plots, np.eye(n)[:, ~asked]])
@@ -43,7 +43,7 @@ def in_some_plots(nameless: Nameless, i: int) -> Unnamed | None:
         taken = view.project(own, i)
         coefficients = np.linalg.lstsq(taken, left, rcond=ALIKE)[0]
         seen = left - taken @ coefficients + whiten(own) @ coefficients / view.sigma[i]
-        white = whiten(np.column_stack([np.ones(n), nameless.scene.p, column]))
+        white = whiten(np.column_stack([np.ones(n), unmodelled.scene.p, column]))
         each = [_alone(seen[mine], white[mine]) for mine in (plots & asked[:, None]).T]
         ps = np.array([p for p, _ in each])
         all_of_them = float(special.chdtrc(2 * ps.size, -2.0 * float(np.sum(np.log(np.maximum(ps, 1e-300))))))

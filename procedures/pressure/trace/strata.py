@@ -21,7 +21,7 @@ from scipy.linalg import qr as pivoted_qr
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
-from rig.fitter.sums_of_squares import off
+from rig.fitter.sums_of_squares import project_out
 
 Level = Literal["subplot", "whole-plot"]
 LEVELS: tuple[Level, ...] = ("whole-plot", "subplot")
@@ -98,8 +98,10 @@ class Strata:
             means: (W, q) `means` of them, if known.
         """
         if level == "whole-plot":
-            return off((self.means(columns) if means is None else means) * self.precision[:, None], self.between)
-        return off(self._centred(self._still(columns, means)), self._within[1])
+            return project_out(
+                (self.means(columns) if means is None else means) * self.precision[:, None], self.between
+            )
+        return project_out(self._centred(self._still(columns, means)), self._within[1])
 
     def varies_within(self, columns: FloatArray) -> NDArray[np.bool_]:
         """(q,) whether columns vary within whole plots by more than rounding and readback noise."""

@@ -19,7 +19,7 @@ from rig.run_file.events.by_hand import (
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, Skipped, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import Ended, Held, Identified, Interruption, Released, SessionBegan, Stopped
-from rig.run_file.sense.case import Case
+from rig.run_file.sense.recorded_run import RecordedRun
 from rig.run_file.state import RunState
 
 
@@ -31,7 +31,7 @@ class Accounts:
 
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: RecordedRun) -> None:
         self._case = case
         self._instruments = set() if case.bench is None else set(case.bench.instruments)
         self._put_off: set[int] = set()

@@ -13,7 +13,6 @@ from rig.run_file.corrections import Entries
 from rig.run_file.events.corrections import Corrected
 from rig.run_file.reader import RunReader
 from rig.run_file.sense.accounts import Accounts
-from rig.run_file.sense.case import Case, Rule
 from rig.run_file.sense.durations import Durations
 from rig.run_file.sense.evidence import Evidence
 from rig.run_file.sense.facts import Facts
@@ -21,6 +20,7 @@ from rig.run_file.sense.instruments import Instruments
 from rig.run_file.sense.marks import Marks
 from rig.run_file.sense.places import Places
 from rig.run_file.sense.readings import Readings
+from rig.run_file.sense.recorded_run import RecordedRun, Rule
 from rig.run_file.sense.times import Times
 from rig.run_file.sense.written import Written, other_version
 from rig.run_file.state import RunState
@@ -51,7 +51,7 @@ def judged(run: RunReader, most: int) -> Judged:
         most: maximum number of findings.
 
     """
-    case = Case.of(run)
+    case = RecordedRun.of(run)
     times = Times(case)
     evidence, written = Evidence(case), Written(case)
     rules: tuple[Rule, ...] = (

@@ -11,7 +11,7 @@ from rig.run_file.events.by_hand import AskedToRead, ReadByHand
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, TemperaturesLeft, WholePlotBegan
 from rig.run_file.events.sessions import SessionBegan
-from rig.run_file.sense.case import NOTED, Case
+from rig.run_file.sense.recorded_run import NOTED, RecordedRun
 from rig.run_file.state import RunState
 
 _ROUNDED_S = 0.05
@@ -33,7 +33,7 @@ class Durations:
 
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: RecordedRun) -> None:
         self._case = case
         self._before: tuple[Record, Event] | None = None
         self._preparing_s: float | None = None
@@ -114,7 +114,7 @@ class Durations:
             yield f"{hours:.1f} h passed since the record before it, and nothing says what was waited for"
 
 
-def _sweep_s(case: Case) -> float:
+def _sweep_s(case: RecordedRun) -> float:
     """Minimum duration of one reading, seconds: the longest integration time in the bench file."""
     if case.bench is None:
         return 0.0

@@ -13,8 +13,8 @@ from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Prepar
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import CONTRADICTORY, Observed, Skipped, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import SessionBegan
-from rig.run_file.sense.case import NOTED, Case
-from rig.run_file.sense.settled import Asked, unsettled
+from rig.run_file.sense.recorded_run import NOTED, RecordedRun
+from rig.run_file.sense.settled import SettlingCriteria, unsettled
 from rig.run_file.state import RunState
 
 _STRAY_SDS, _SDS_OF_MAD = 6.0, 1.4826
@@ -46,7 +46,7 @@ class Evidence:
 
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: RecordedRun) -> None:
         self.doubts: list[str] = []
         self._case = case
         self._writes_all = False
@@ -113,7 +113,7 @@ class Evidence:
             yield f"it does not say how {', '.join(missing)} settled"
         drift = wanted.drift_degC_per_h / 3600.0
         for name, evidence in chambers.items():
-            asked = Asked(wanted.setpoint_degC, wanted.tolerance_degC, wanted.dwell_s, drift)
+            asked = SettlingCriteria(wanted.setpoint_degC, wanted.tolerance_degC, wanted.dwell_s, drift)
             yield from unsettled(name, evidence, asked)
 
     def _soak(self, event: WholePlotBegan) -> Iterator[str]:
@@ -128,14 +128,16 @@ class Evidence:
                 continue
             asked = {}
             if self._case.soaks(factor):
-                asked[bench.factors.get(factor.name, "")] = Asked(target, soak.tolerance_degC, soak.dwell_s, drift)
-                within = Asked(target, soak.sensor_tolerance_degC, soak.dwell_s, drift)
+                asked[bench.factors.get(factor.name, "")] = SettlingCriteria(
+                    target, soak.tolerance_degC, soak.dwell_s, drift
+                )
+                within = SettlingCriteria(target, soak.sensor_tolerance_degC, soak.dwell_s, drift)
                 # until 2026-11-25 a soak waited for the thermometer with the name of its factor only
                 every = bench.thermometers(factor.name)
                 asked |= {name: within for name in every if name == factor.name or name in self._waited_for}
             elif factor.name not in self._case.by_hand and self._case.conduct is not None:
                 settle = self._case.conduct.settled(factor.axis)
-                asked[factor.axis] = Asked(target, settle.band, settle.dwell_s, settle.drift_per_s)
+                asked[factor.axis] = SettlingCriteria(target, settle.band, settle.dwell_s, settle.drift_per_s)
             for name, of in asked.items():
                 evidence = event.settling.get(name)
                 if evidence is None:
@@ -177,7 +179,7 @@ class Evidence:
     def _axis(self, factor: Factor, target: float, settle: Settle, event: Observed) -> Iterator[str]:
         evidence = event.settling.get(factor.axis)
         if evidence is not None:
-            asked = Asked(target, settle.band, settle.dwell_s, settle.drift_per_s)
+            asked = SettlingCriteria(target, settle.band, settle.dwell_s, settle.drift_per_s)
             yield from unsettled(factor.axis, evidence, asked)
         reference = event.references.get(factor.name)
         if not factor.stays and reference is not None:

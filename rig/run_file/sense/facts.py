@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import RunCreated, SessionBegan
-from rig.run_file.sense.case import Case
+from rig.run_file.sense.recorded_run import RecordedRun
 from rig.run_file.state import RunState
 
 _SIMULATED = "sim://"
@@ -26,7 +26,7 @@ class Facts:
 
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: RecordedRun) -> None:
         self._case = case
         self._stated_by: object = None
 

@@ -17,7 +17,7 @@ from rig.run_file.events.bench import AsFound, Homed, MadeSafe, ReadBack
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed
 from rig.run_file.events.sessions import Held, Identified, SessionBegan
-from rig.run_file.sense.case import Case
+from rig.run_file.sense.recorded_run import RecordedRun
 from rig.run_file.state import RunState
 
 _ABSOLUTE_ZERO_DEGC = -273.15
@@ -34,7 +34,7 @@ class Instruments:
 
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: RecordedRun) -> None:
         self._case = case
         self._bench = case.bench
         self._most: dict[str, float] = {}

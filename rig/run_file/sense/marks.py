@@ -10,7 +10,7 @@ from rig.run_file.events.event import Event
 from rig.run_file.events.points import CONTRADICTORY, OVERSHOT, Observed, Skipped, WholePlotLost
 from rig.run_file.events.sessions import Ended, Hole, SessionBegan
 from rig.run_file.indexes import IndexCounts
-from rig.run_file.sense.case import NOTED, Case
+from rig.run_file.sense.recorded_run import NOTED, RecordedRun
 from rig.run_file.state import RunState
 
 _AT_POINT = ("recovering", "moving", "settling", "measuring", "recording")
@@ -29,7 +29,7 @@ class Marks:
 
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: RecordedRun) -> None:
         self._case = case
         self._caused = IndexCounts()
         self._before: tuple[Record, Event] | None = None

@@ -14,7 +14,7 @@ from rig.run_file.chain import Record
 from rig.run_file.events.bench import EnvironmentSettled
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, WholePlotBegan
-from rig.run_file.sense.case import Case
+from rig.run_file.sense.recorded_run import RecordedRun
 from rig.run_file.state import RunState
 
 _NEAREST = 0.5
@@ -34,7 +34,7 @@ class Places:
 
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: RecordedRun) -> None:
         self._case = case
         self._conduct = case.conduct
         self._chambers = {} if case.bench is None else dict(case.bench.factors)

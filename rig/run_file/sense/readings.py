@@ -13,7 +13,7 @@ from rig.run_file.events.event import Event
 from rig.run_file.events.points import CONTRADICTORY, Observed, readings_of
 from rig.run_file.lost_digits import LostDigits
 from rig.run_file.own_scatter import OwnScatter
-from rig.run_file.sense.case import Case
+from rig.run_file.sense.recorded_run import RecordedRun
 from rig.run_file.state import RunState
 
 _GROUPS = ("outputs", "temperatures", "references")
@@ -32,7 +32,7 @@ class Readings:
 
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: RecordedRun) -> None:
         conduct, bench = case.conduct, case.bench
         self._sweeps = None if conduct is None else conduct.readings
         self._again = _Again()

@@ -16,7 +16,7 @@ _SLOPE = 1.02
 
 
 @dataclass(frozen=True)
-class Asked:
+class SettlingCriteria:
     """Criteria of settling; drift is per second."""
 
     target: float
@@ -25,7 +25,7 @@ class Asked:
     drift_per_s: float
 
 
-def unsettled(name: str, evidence: Mapping[str, Any], asked: Asked) -> Iterator[str]:
+def unsettled(name: str, evidence: Mapping[str, Any], asked: SettlingCriteria) -> Iterator[str]:
     """Contradictions between settling evidence and its outcome: ends of sentences.
 
     Args:
@@ -56,7 +56,7 @@ def unsettled(name: str, evidence: Mapping[str, Any], asked: Asked) -> Iterator[
         yield f"{name} drifted by {slope:.2g} a second at the end of its settling, and {asked.drift_per_s:.2g} is asked"
 
 
-def _inside_s(samples: Sequence[tuple[float, float]], asked: Asked) -> float:
+def _inside_s(samples: Sequence[tuple[float, float]], asked: SettlingCriteria) -> float:
     """Seconds within the band, minus those outside: as the controller counts, or more if samples are missing."""
     inside_s, before = 0.0, False
     last = samples[0][0]
@@ -70,7 +70,7 @@ def _inside_s(samples: Sequence[tuple[float, float]], asked: Asked) -> float:
     return inside_s
 
 
-def _slope(samples: Sequence[tuple[float, float]], asked: Asked, more_s: float) -> float:
+def _slope(samples: Sequence[tuple[float, float]], asked: SettlingCriteria, more_s: float) -> float:
     """Slope over the last dwell time and `more_s`: rounding decides whether a sample at the edge is inside."""
     since = samples[-1][0] - asked.dwell_s - more_s
     recent = [s for s in samples if s[0] >= since and abs(s[1] - asked.target) <= asked.band + _ROUNDING]

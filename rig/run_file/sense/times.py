@@ -10,7 +10,7 @@ from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed
 from rig.run_file.events.sessions import ClockSet, Hole, RunCreated, SessionBegan
-from rig.run_file.sense.case import Case
+from rig.run_file.sense.recorded_run import RecordedRun
 from rig.run_file.state import RunState
 
 _ROUNDING_S = 0.002
@@ -34,7 +34,7 @@ class Times:
 
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: RecordedRun) -> None:
         self.doubts: list[str] = []
         self._case = case
         self._step_s = _STEP_S + 2.0 * case.speed

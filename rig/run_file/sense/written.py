@@ -9,7 +9,7 @@ from rig.run_file.events.bench import Fault, MadeSafe, Prepared, Preparing
 from rig.run_file.events.event import Event, Unknown
 from rig.run_file.events.points import Observed, WholePlotLost
 from rig.run_file.events.sessions import Ended, Held, Released, SessionBegan
-from rig.run_file.sense.case import NOTED, Case
+from rig.run_file.sense.recorded_run import NOTED, RecordedRun
 from rig.run_file.state import RunState
 from rig.version import VERSION
 
@@ -22,7 +22,7 @@ _LEFT = "temperature_left"
 _DOUBTED = " readings are in doubt and left out)"
 
 
-def other_version(case: Case) -> Iterator[str]:
+def other_version(case: RecordedRun) -> Iterator[str]:
     """Remark on checks against the stored procedure that were left out because another version of rig began the run."""
     said = case.about.software.get(_RIG, "none")
     if said == VERSION or case.procedure is None:
@@ -42,7 +42,7 @@ class Written:
 
     """
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: RecordedRun) -> None:
         self._case = case
         self._ours = self._writes_all = False
         self._held = self._preparing = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rig.tables.of_others.asked import Asked
+from rig.tables.of_others.file_form import FileForm
 from rig.tables.of_others.lines import Line
 from rig.tables.of_others.numbers import is_value, looks_like_number
 
@@ -36,7 +36,7 @@ class Block:
     sample: Sequence[list[str]]
 
 
-def block_of(lines: Sequence[Line], separator: str, asked: Asked) -> Block | None:
+def block_of(lines: Sequence[Line], separator: str, asked: FileForm) -> Block | None:
     """The last and longest block of lines with two cells or more; None if there is none."""
     plain = [(i, line) for i, line in enumerate(lines) if not line.remark]
     if asked.header is not None:

@@ -14,9 +14,9 @@ from typing import Any, Self
 import numpy as np
 
 from rig.errors import UsageError
-from rig.tables.of_others.asked import Asked
 from rig.tables.of_others.cell_times import dates_with_dots, times_of
 from rig.tables.of_others.encoding import text_of
+from rig.tables.of_others.file_form import FileForm
 from rig.tables.of_others.footers import footers, labelled_rows
 from rig.tables.of_others.layout import NO_SEPARATOR, Layout, NoTable, is_time, layout_of
 from rig.tables.of_others.lines import lines_of, quoted_whole
@@ -64,7 +64,7 @@ class Cells:
     whole: bool = False
 
     @classmethod
-    def read(cls, path: Path, data: bytes, asked: Asked) -> Self:
+    def read(cls, path: Path, data: bytes, asked: FileForm) -> Self:
         """The table in the bytes of a file. Raises `UsageError`."""
         text, encoding = text_of(data, str(path), asked.encoding)
         lines = list(lines_of(text))

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from rig.errors import UsageError
-from rig.tables.of_others.asked import Asked
 from rig.tables.of_others.block import Block, trimmed
+from rig.tables.of_others.file_form import FileForm
 from rig.tables.of_others.lines import Line, split
 from rig.tables.of_others.numbers import is_missing, is_no_reading, is_value, looks_like_number
 from rig.tables.of_others.units import bare, is_unit, no_unit
@@ -55,7 +55,7 @@ class Heads:
     groups: int = 0
 
 
-def heads_of(lines: Sequence[Line], block: Block, name: str, asked: Asked) -> Heads:
+def heads_of(lines: Sequence[Line], block: Block, name: str, asked: FileForm) -> Heads:
     """The rows above the values of a block.
 
     Args:

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rig.errors import UsageError
-from rig.tables.of_others.asked import SEPARATORS, Asked
 from rig.tables.of_others.block import Block, block_of, is_data, trimmed
+from rig.tables.of_others.file_form import SEPARATORS, FileForm
 from rig.tables.of_others.heads import Heads, heads_of
 from rig.tables.of_others.lines import Line
 from rig.tables.of_others.numbers import is_missing, is_time, is_value, looks_like_number
@@ -62,7 +62,7 @@ class Layout:
     groups: int = 0
 
 
-def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
+def layout_of(lines: Sequence[Line], name: str, asked: FileForm) -> Layout:
     """The layout of a file.
 
     Args:
@@ -114,7 +114,7 @@ def layout_of(lines: Sequence[Line], name: str, asked: Asked) -> Layout:
     )  # fmt: skip
 
 
-def _one_column(lines: Sequence[Line], name: str, asked: Asked) -> Layout | None:
+def _one_column(lines: Sequence[Line], name: str, asked: FileForm) -> Layout | None:
     """The layout of a file with one number in each line, and a name above them or none; None for any other.
 
     Raises:
@@ -197,7 +197,7 @@ def _mostly(line: Line) -> bool:
     return False
 
 
-def _check_only(lines: Sequence[Line], block: Block, heads: Heads, name: str, asked: Asked) -> None:
+def _check_only(lines: Sequence[Line], block: Block, heads: Heads, name: str, asked: FileForm) -> None:
     """Refuse other rows of values before the block, unless the user says where its names are."""
     if asked.header:
         return

@@ -26,8 +26,8 @@ from rig.procedures.kinds import kind_of_table
 from rig.procedures.tables.table import Table
 from rig.register import (
     DOCUMENT,
+    KnownConditions,
     Register,
-    Told,
     check_covered,
     check_register,
     check_surroundings,
@@ -86,7 +86,7 @@ class OfRun:
     register: Register
     stated: Statements
     corrected: tuple[str, ...]
-    told: Told
+    told: KnownConditions
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ def checked_with(
         with _noted(reasons):
             stated = stated_of(register, config, last)
             check_covered(stated, table.columns, where)
-    told = Told(stated_by_hand(table.by_hand))
+    told = KnownConditions(stated_by_hand(table.by_hand))
     of = _corrected(table, kind, config, register, stated or Statements(), told)
     with _noted(reasons):
         check_surroundings(register, config, of.table.columns, told, where)
@@ -232,7 +232,7 @@ def _noted(reasons: list[str], refusal: type[RigError] = ConfigurationError) -> 
 
 
 def _corrected(
-    table: Table, kind: Kind, config: BenchConfig, register: Register, stated: Statements, told: Told
+    table: Table, kind: Kind, config: BenchConfig, register: Register, stated: Statements, told: KnownConditions
 ) -> OfRun:
     columns = kind.placed(corrected(table.columns, stated.errors), stated.constants)
     changed = tuple(name for name, values in columns.items() if (values != table.columns[name]).any())

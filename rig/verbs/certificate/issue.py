@@ -26,8 +26,8 @@ from rig.verbs.certificate.numbers_issued import Entry, changed_rules, numbers_i
 from rig.verbs.certificate.numbers_issued import Issued as Earlier
 
 if TYPE_CHECKING:
-    from rig.verbs.certificate.asked import Asked
     from rig.verbs.certificate.document import Document
+    from rig.verbs.certificate.request import CertificateRequest
     from rig.verbs.certificate.result import Made
 
 
@@ -195,7 +195,7 @@ def _signed(xml: bytes, key: Path, certificate: Path) -> bytes:
     return signed(xml, key, certificate)
 
 
-def all_files(asked: Asked, how: Issue) -> Iterable[Path | None]:
+def all_files(asked: CertificateRequest, how: Issue) -> Iterable[Path | None]:
     """Every file that is read, so that none is overwritten."""
     yield from (*asked.runs, asked.equipment, asked.settings, *asked.confirmed_by)
     yield from (how.template, how.key, how.certificate, how.schema)

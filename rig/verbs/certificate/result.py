@@ -12,9 +12,9 @@ from rig.fitter.errors import FitError
 from rig.register import DOCUMENT, absent
 from rig.verbs.budget.evaluation import OfRun, RunBudget
 from rig.verbs.certificate import about, assembly, conformity, of_others
-from rig.verbs.certificate.asked import Asked
 from rig.verbs.certificate.document import Dates, Document
 from rig.verbs.certificate.measured import Stage
+from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.runs import CertifiedRun, read_run
 from rig.verbs.certificate.settings import CertificateSettings, read_settings
 from rig.verbs.data.of_table import lacks
@@ -52,7 +52,7 @@ class Made:
     budgets: tuple[RunBudget, ...]
 
 
-def make(asked: Asked) -> Made:
+def make(asked: CertificateRequest) -> Made:
     """A certificate as data.
 
     Raises:
@@ -76,7 +76,11 @@ def make(asked: Asked) -> Made:
 
 
 def _document(
-    runs: Sequence[CertifiedRun], asked: Asked, settings: CertificateSettings, given: Path, reasons: list[str]
+    runs: Sequence[CertifiedRun],
+    asked: CertificateRequest,
+    settings: CertificateSettings,
+    given: Path,
+    reasons: list[str],
 ) -> Document | None:
     """The whole document; None if a run has no budget. Missing fields become reasons."""
     missing = about.Missing(reasons)

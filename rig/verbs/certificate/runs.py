@@ -13,7 +13,7 @@ from rig.errors import RigError
 from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.present.shell import shell_word
-from rig.register import DOCUMENT, Told, check_surroundings
+from rig.register import DOCUMENT, KnownConditions, check_surroundings
 from rig.run_file.reader import RunReader
 from rig.run_file.state import RunState, read_state
 from rig.run_file.verification import verify_file
@@ -29,7 +29,7 @@ from rig.verbs.data.result import Data
 
 if TYPE_CHECKING:
     from rig.fitter.trace.outcome import Outcome
-    from rig.verbs.certificate.asked import Asked
+    from rig.verbs.certificate.request import CertificateRequest
     from rig.verbs.confirm import Confirmed
 
 
@@ -55,7 +55,7 @@ class CertifiedRun:
 
 
 def read_run(
-    path: Path, stage: Stage, asked: Asked, settings: CertificateSettings, reasons: list[str]
+    path: Path, stage: Stage, asked: CertificateRequest, settings: CertificateSettings, reasons: list[str]
 ) -> CertifiedRun | None:
     """A run, verified, budgeted and traced; None if it cannot be read at all."""
     if not is_run(path):
@@ -82,7 +82,7 @@ def read_run(
 
 
 def _read_table(
-    path: Path, stage: Stage, asked: Asked, settings: CertificateSettings, reasons: list[str]
+    path: Path, stage: Stage, asked: CertificateRequest, settings: CertificateSettings, reasons: list[str]
 ) -> CertifiedRun | None:
     """The same of a CSV table: the settings say what a run file would."""
     given, own = asked.settings_file, settings.table
@@ -123,22 +123,22 @@ def _noted(reasons: list[str]) -> Iterator[None]:
         reasons.extend(str(error).splitlines())
 
 
-def _checked(run: CertifiedRun, asked: Asked, reasons: list[str]) -> None:
+def _checked(run: CertifiedRun, asked: CertificateRequest, reasons: list[str]) -> None:
     _take(run, checked_run(run.path, asked.equipment), asked, reasons)
 
 
-def _take(run: CertifiedRun, checked: Checked, asked: Asked, reasons: list[str]) -> None:
+def _take(run: CertifiedRun, checked: Checked, asked: CertificateRequest, reasons: list[str]) -> None:
     reasons.extend(checked.reasons)
     run.of, run.stated = replace(checked.of, told=replace(checked.of.told, stated=asked.room)), checked.stated
     with _noted(reasons):
-        stated = Told(stated=asked.room)
+        stated = KnownConditions(stated=asked.room)
         check_surroundings(run.of.register, run.of.config, {}, stated, str(asked.equipment or DOCUMENT))
     run.said += checked.untold
     if run.of.register.example and not run.of.table.simulated:
         reasons.append(f"the register {run.of.register.name!r} has example values: state those of your equipment")
 
 
-def _budget(run: CertifiedRun, asked: Asked, settings: CertificateSettings, reasons: list[str]) -> None:
+def _budget(run: CertifiedRun, asked: CertificateRequest, settings: CertificateSettings, reasons: list[str]) -> None:
     """Budgets by the accepted model; otherwise by the declared one, with the size of the effects that it lacks."""
     if run.of is None:
         return

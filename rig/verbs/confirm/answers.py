@@ -108,7 +108,7 @@ class Confirmed:
             "verdict": answer.verdict,
             "holds": list(answer.holding),
             "outliers": list(answer.outliers),
-            "beside": [{"effect": one.effect, "up_to": one.up_to} for one in answer.beside],
+            "beside": [{"effect": one.effect, "up_to": one.up_to} for one in answer.minor_causes],
             "members": [
                 {
                     "effect": m.effect,
@@ -246,9 +246,9 @@ def evidence(answer: Confirmation) -> str:
 
 def may_be_beside(answer: Confirmation) -> str:
     """Causes that the two runs do not exclude beside the confirmed one; "" if there are none of a notable size."""
-    if not answer.beside or answer.verdict not in ("confirmed", "replaced"):
+    if not answer.minor_causes or answer.verdict not in ("confirmed", "replaced"):
         return ""
-    parts = [f"{one.effect} up to {100 * one.up_to:.0f} %" for one in answer.beside]
+    parts = [f"{one.effect} up to {100 * one.up_to:.0f} %" for one in answer.minor_causes]
     return (
         f"Two causes at once are not excluded: of what was found, beside {answer.holding[0]} may be {_listed(parts)} "
         "(95 %), and its size would be another by as much. A longer further run narrows this."

@@ -13,7 +13,7 @@ from rig.bench.config import BenchConfig
 from rig.by_kind import Traced, known, trace_table
 from rig.errors import UsageError
 from rig.fitter.confirm import Later, Question, questions_of
-from rig.fitter.effects.hands import Done
+from rig.fitter.effects.manual_changes import Done
 from rig.procedures.evaluate.confirming import Confirming
 from rig.procedures.kind import Procedure
 from rig.procedures.kinds import kind_of

@@ -8,7 +8,7 @@ from typing import Any
 
 from rig.fitter.confirm import NOTHING, Pair, Points
 from rig.fitter.effects.entry import Entry
-from rig.fitter.effects.hands import Change
+from rig.fitter.effects.manual_changes import Change
 from rig.procedures.plan.further_runs import with_step
 from rig.procedures.present.durations import duration
 from rig.verbs.confirm.choosing import STEP, best, groups_of

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.procedures.evaluate.influences import Kept, explain, kept
+from rig.procedures.evaluate.influences import StoredInfluence, explain, kept
 from rig.verbs.budget.evaluation import OfRun
 
 REPEATABILITY = "repeatability only"
@@ -42,7 +42,7 @@ def budget_section(of: OfRun, options: Mapping[str, Any]) -> dict[str, Any]:
     return section if stored is None else {**section, "calibration": stored}
 
 
-def _json(one: Kept) -> dict[str, Any]:
+def _json(one: StoredInfluence) -> dict[str, Any]:
     return {
         "name": one.name,
         "source": one.source,

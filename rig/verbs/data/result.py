@@ -17,8 +17,8 @@ from rig.procedures.errors import DataError
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.words import units
 from rig.procedures.tables.unused import sentences, unit_of
-from rig.tables import Asked, FileSource, is_run
-from rig.tables.of_others.asked import NOTHING
+from rig.tables import FileForm, FileSource, is_run
+from rig.tables.of_others.file_form import NOTHING
 from rig.verbs.data.kept import REPEATABILITY
 from rig.verbs.data.registered import Uncertainty, registered
 from rig.verbs.frames import Frame, of_rows
@@ -208,7 +208,7 @@ class Data:
         path: the file.
     """
 
-    def __init__(self, path: str | Path, asked: Asked = NOTHING) -> None:
+    def __init__(self, path: str | Path, asked: FileForm = NOTHING) -> None:
         self.path = Path(path)
         self._run = is_run(self.path)
         self._source = FileSource(self.path, asked)
@@ -283,7 +283,7 @@ def open(  # noqa: A001 - rig.open, as one opens a file
         >>> rig.open("cell.csv").trace(response="y_V", formula="1 + x_mm").verdicts
         {'y_V': 'explained'}
     """
-    return Data(path, Asked.of(separator, decimal, encoding, header))
+    return Data(path, FileForm.of(separator, decimal, encoding, header))
 
 
 def fit_source(

@@ -17,7 +17,7 @@ from rig.tables.of_others.units import unit_in
 
 if TYPE_CHECKING:
     from rig.procedures.tables.table import Table
-    from rig.procedures.tables.unknown_table import Seen
+    from rig.procedures.tables.unknown_table import UnknownTable
 
 
 class SeenTable:
@@ -29,7 +29,7 @@ class SeenTable:
         command: to run next; "" if there is none.
     """
 
-    def __init__(self, seen: Seen, table: Table, source: FileSource, command: str) -> None:
+    def __init__(self, seen: UnknownTable, table: Table, source: FileSource, command: str) -> None:
         self.seen = seen
         self.table = table
         self._of = command

@@ -14,8 +14,8 @@ from rig.procedures.evaluate.agreement import compared
 from rig.procedures.evaluate.inference import Inference
 from rig.procedures.evaluate.results import Options
 from rig.procedures.tables.table import Reader, Table
-from rig.tables import Asked, read_gappy_csv
-from rig.tables.of_others.asked import NOTHING
+from rig.tables import FileForm, read_gappy_csv
+from rig.tables.of_others.file_form import NOTHING
 from rig.verbs.infer.calibration_file import CalibrationFile, calibration_in, read_calibration
 from rig.verbs.infer.total import REPEATABILITY_ONLY, with_total
 
@@ -86,7 +86,7 @@ class CsvReader:
     """
 
     path: Path
-    asked: Asked = NOTHING
+    asked: FileForm = NOTHING
     understood: Mapping[str, Any] = field(default_factory=dict)
 
     def __call__(self, needed: Collection[str]) -> Table:

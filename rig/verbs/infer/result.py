@@ -13,10 +13,10 @@ from rig.files.atomic import check_files, check_format
 from rig.options import options_of
 from rig.procedures.present.blocks import Block, Line, simulated_mark
 from rig.procedures.tables.unused import sentences
-from rig.tables import Asked
+from rig.tables import FileForm
 from rig.tables.csv_files import write_csv
 from rig.tables.given import table_given
-from rig.tables.of_others.asked import NOTHING
+from rig.tables.of_others.file_form import NOTHING
 from rig.verbs import infer as inference
 from rig.verbs.frames import Frame, of_columns
 from rig.verbs.infer import CalibrationFile, CsvReader, read_calibration
@@ -143,7 +143,7 @@ def infer(
     """
     path = Path(calibration)
     check_readings(readings, out, [path], options)
-    asked = Asked.of(separator, decimal, encoding, header)
+    asked = FileForm.of(separator, decimal, encoding, header)
     return infer_from(read_calibration(path), readings, out, options, asked, same_meter=same_meter)
 
 
@@ -152,7 +152,7 @@ def infer_from(
     readings: Readings,
     out: str | Path | None,
     options: Mapping[str, Any],
-    asked: Asked = NOTHING,
+    asked: FileForm = NOTHING,
     *,
     same_meter: bool = False,
 ) -> Inferred:
@@ -178,7 +178,7 @@ def check_readings(
     check_format(None if out is None else Path(out), ".csv")
 
 
-def _reader(readings: Readings, asked: Asked) -> Reader:
+def _reader(readings: Readings, asked: FileForm) -> Reader:
     if isinstance(readings, (str, Path)):
         return CsvReader(Path(readings), asked)
     table = table_given(readings)

@@ -15,7 +15,7 @@ from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.influences import explain, influences
 from rig.procedures.kinds import kind_of
-from rig.register import DOCUMENT, Told, check_covered, check_surroundings, parse_register, stated_of
+from rig.register import DOCUMENT, KnownConditions, check_covered, check_surroundings, parse_register, stated_of
 from rig.verbs.plan.foreseen import settled
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def promised(plan: Plan, on: date) -> Promised:
     sensors = {f"{name}_{sensor.unit}": sensor.axis or "" for name, sensor in plan.bench.sensors.items()}
     set_to = {f.name: np.array(plan.run_list.column(f.name), np.float64) for f in plan.run_list.factors}
     check_covered(stated, set_to, DOCUMENT)
-    check_surroundings(register, plan.bench, {**set_to, **settled(plan)}, Told(), DOCUMENT)
+    check_surroundings(register, plan.bench, {**set_to, **settled(plan)}, KnownConditions(), DOCUMENT)
     try:
         expected = kind.expected(plan.procedure, plan.run_list, sensors)
         if not expected.meter:

@@ -13,7 +13,7 @@ SETTINGS = "certificate.toml"
 
 
 @dataclass(frozen=True)
-class Asked:
+class CertificateRequest:
     """The contents of a certificate, as asked for.
 
     Attributes:

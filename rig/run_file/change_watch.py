@@ -34,7 +34,7 @@ def _look(file: str | int) -> _Seen | None:
     return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
 
 
-class Vigil:
+class ChangeWatch:
     """Watches a run file and its log.
 
     Args:

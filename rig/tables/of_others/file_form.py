@@ -12,7 +12,7 @@ DECIMALS = {"point": ".", "comma": ","}
 
 
 @dataclass(frozen=True)
-class Asked:
+class FileForm:
     """The user's declarations about a file; what is None or "" is recognised.
 
     Attributes:
@@ -28,7 +28,7 @@ class Asked:
     header: int | None = None
 
     @classmethod
-    def of(cls, separator: str | None, decimal: str | None, encoding: str | None, header: int | None) -> Asked:
+    def of(cls, separator: str | None, decimal: str | None, encoding: str | None, header: int | None) -> FileForm:
         """Options as written. Raises `UsageError`."""
         given = separator or ""
         found = SEPARATORS.get(given.lower(), "\t" if given == "\\t" else given)
@@ -61,5 +61,5 @@ class Asked:
         return bool(self.separator or self.decimal or self.encoding) or self.header is not None
 
 
-NOTHING = Asked()
+NOTHING = FileForm()
 """Everything is recognised."""

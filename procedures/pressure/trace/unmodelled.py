@@ -41,7 +41,7 @@ _SEEN: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "betwe
 
 
 @dataclass(frozen=True, eq=False)
-class Left:
+class ResidualShape:
     """A shape that a residual still follows.
 
     Attributes:
@@ -63,7 +63,7 @@ class Left:
 
 
 @dataclass(frozen=True, eq=False)
-class Nameless:
+class UnmodelledSmooth:
     """A run with its findings.
 
     Attributes:
@@ -88,7 +88,7 @@ class Nameless:
         return all(bool(np.all(self.view(level).sigma > 10 * self.problem.rounding)) for level in LEVELS)
 
     @cached_property
-    def left(self) -> tuple[Left, ...]:
+    def left(self) -> tuple[ResidualShape, ...]:
         """Places that residuals follow, the most significant first."""
         if not self.able:
             return ()
@@ -106,10 +106,10 @@ class Nameless:
                     p = one.p
                     if p * count < LOOKED_AT:
                         p = max(p, self._held_against(place, i, one, view))
-                    found.append(Left(place, one, i, min(p * count, 1.0)))
+                    found.append(ResidualShape(place, one, i, min(p * count, 1.0)))
         return tuple(sorted(found, key=lambda one: one.p))
 
-    def left_in(self, i: int, level: Level) -> Left | None:
+    def left_in(self, i: int, level: Level) -> ResidualShape | None:
         """The most significant remainder of transducer `i` at a level."""
         return next((one for one in self.left if one.sensor == i and one.place.level == level), None)
 
@@ -145,8 +145,8 @@ class Nameless:
                 if len(names) >= BUNDLE:
                     out |= {(name, i): bundle(names) for name in names if (name, i) not in out}
                 if names and any((name, i) not in out for name in names):
-                    named, nameless, where = self.earned(names, i, level)
-                    if named - nameless < EARNED:
+                    named, unmodelled, where = self.earned(names, i, level)
+                    if named - unmodelled < EARNED:
                         out |= {(name, i): no_better(names, where) for name in names if (name, i) not in out}
                 if len(names) > 1:
                     out |= {(name, i): why for name, why in self._each(names, i, level).items() if (name, i) not in out}
@@ -178,8 +178,8 @@ class Nameless:
         out: dict[str, str] = {}
         evidence_of = {name: self.earned([name], i, level) for name in names}
         strongest = max(names, key=lambda name: evidence_of[name][0])
-        for name, (named, nameless, where) in evidence_of.items():
-            if named - nameless < EARNED:
+        for name, (named, unmodelled, where) in evidence_of.items():
+            if named - unmodelled < EARNED:
                 out[name] = no_better([name], where)
             elif name != strongest and self._overlap(name, strongest, i, level) > ALIKE:
                 if named < SMALL * evidence_of[strongest][0]:
@@ -204,7 +204,7 @@ class Nameless:
         basis = orthonormal(along)
         return float(np.linalg.norm(basis.T @ one) / max(float(np.linalg.norm(one)), TINY))
 
-    def _own_constant(self, left: Left, names: Sequence[str]) -> bool:
+    def _own_constant(self, left: ResidualShape, names: Sequence[str]) -> bool:
         """Whether other values of the constants searched for these names leave nothing there."""
         beside = (
             *self.chosen,

@@ -12,7 +12,7 @@ from rig.engine.soaking import Soaking
 from rig.procedures.plan.conduct import Conduct, EnvironmentSettings
 
 
-class Standing:
+class PreparedEnvironment:
     """Judges the prepared environment.
 
     Args:

@@ -56,7 +56,7 @@ JUMPS = 7.0
 
 
 @dataclass(frozen=True, eq=False)
-class Left:
+class ResidualShape:
     """A shape that a residual still follows.
 
     Attributes:
@@ -74,7 +74,7 @@ class Left:
 
 
 @dataclass(frozen=True, eq=False)
-class Nameless:
+class UnmodelledSmooth:
     """A table with its findings.
 
     Attributes:
@@ -111,7 +111,7 @@ class Nameless:
         return float(left @ left) > view.rounding
 
     @cached_property
-    def left(self) -> tuple[Left, ...]:
+    def left(self) -> tuple[ResidualShape, ...]:
         """Places that the residual follows, the most significant first."""
         judge = self.judge
         if not self.able:
@@ -126,15 +126,15 @@ class Nameless:
                 if p * count < ASKED_AGAIN and slow != at:
                     again = self._remainders(place.block, slow)
                     p = max([p, *(other.p for other in again)])
-                found.append(Left(place, one, min(p * count, 1.0)))
+                found.append(ResidualShape(place, one, min(p * count, 1.0)))
         return tuple(sorted((*found, *self._together()), key=lambda one: (one.p, -one.remainder.share)))
 
-    def _together(self) -> Iterator[Left]:
+    def _together(self) -> Iterator[ResidualShape]:
         """A shape of all recorded quantities jointly, if the residual follows one."""
         one = together(self.judge, self.chosen, self.data)
         if one is not None:
             place, n = one.place.block.place, self.judge.problem.n
-            yield Left(
+            yield ResidualShape(
                 one.place,
                 Remainder(place, one.p, 0.0, 0, one.share, np.zeros(n), np.empty((n, 0))),
                 one.p,
@@ -296,12 +296,12 @@ class Nameless:
         if len(names) >= BUNDLE:
             out |= {name: bundle(names) for name in names if name not in out}
         if len(names) > 1:
-            named, nameless, where = self.earned(names)
-            if named - nameless < EARNED:
+            named, unmodelled, where = self.earned(names)
+            if named - unmodelled < EARNED:
                 out |= {name: no_better(names, where) for name in names if name not in out}
         for name in names:
-            named, nameless, where = self.earned((name,))
-            if named - nameless < (PLAIN if self.plain(name) else EARNED) and name not in out:
+            named, unmodelled, where = self.earned((name,))
+            if named - unmodelled < (PLAIN if self.plain(name) else EARNED) and name not in out:
                 out[name] = no_better((name,), where)
         return out
 
@@ -324,7 +324,7 @@ class Nameless:
             if set(columns[one]) == set(columns[other]) and not (self.plain(one) and self.plain(other)):
                 yield one, other
 
-    def _left_over(self, variables: set[str]) -> tuple[Left, float] | None:
+    def _left_over(self, variables: set[str]) -> tuple[ResidualShape, float] | None:
         """The most significant remainder over variables of an effect, with its p over such places, if it is a doubt."""
         every, own = self._tests(self.places), self._tests(p for p in self.places if p.variables & variables)
         found = next((x for x in self.left if x.place.variables & variables), None)

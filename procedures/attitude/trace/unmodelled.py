@@ -33,7 +33,7 @@ WALKED = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Left:
+class ResidualShape:
     """A shape that a residual still follows.
 
     Attributes:
@@ -63,7 +63,7 @@ class Left:
 
 
 @dataclass(frozen=True, eq=False)
-class Nameless:
+class UnmodelledSmooth:
     """A run with its findings.
 
     Attributes:
@@ -75,7 +75,7 @@ class Nameless:
     problem: Problem
     chosen: tuple[int, ...]
     _views: dict[Level, View] = field(default_factory=dict)
-    _without_names: dict[tuple[str, ...], Nameless] = field(default_factory=dict)
+    _without_names: dict[tuple[str, ...], UnmodelledSmooth] = field(default_factory=dict)
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
@@ -94,11 +94,11 @@ class Nameless:
         """Whether the residual is more than rounding."""
         return bool(np.all(self.sigma > 10 * rounding(self.problem)))
 
-    def without(self, names: tuple[str, ...]) -> Nameless:
+    def without(self, names: tuple[str, ...]) -> UnmodelledSmooth:
         """The same run beside all effects found but those of some names."""
         if names not in self._without_names:
             kept = tuple(j for j in self.chosen if self.problem.candidates[j].effect.name not in names)
-            self._without_names[names] = Nameless(self.problem, kept)
+            self._without_names[names] = UnmodelledSmooth(self.problem, kept)
         return self._without_names[names]
 
     def view(self, level: Level) -> View:
@@ -113,7 +113,7 @@ class Nameless:
         return _memory(self.problem, self.view(self.problem.levels.of_error).outputs)
 
     @cached_property
-    def left(self) -> tuple[Left, ...]:
+    def left(self) -> tuple[ResidualShape, ...]:
         """Places that the residual follows, the most significant first."""
         if not self.able:
             return ()
@@ -134,10 +134,10 @@ class Nameless:
                 if p * count < WALKED:
                     p = max(p, self.against_a_walk(place.level, y, one.basis))
                 # without the basis: those of all places would be a fifth of all memory of a trace
-                found.append(Left(place, replace(one, basis=np.empty((0, 0))), min(p * count, 1.0)))
+                found.append(ResidualShape(place, replace(one, basis=np.empty((0, 0))), min(p * count, 1.0)))
         return tuple(sorted(found, key=lambda one: one.p))
 
-    def left_in(self, i: int, level: Level | None = None) -> Left | None:
+    def left_in(self, i: int, level: Level | None = None) -> ResidualShape | None:
         """The most significant remainder of one sensor, at one level or any."""
         sensors = (None, i)
         own = (x for x in self.left if x.place.sensor in sensors and level in (None, x.place.level) and x.shows_in(i))
@@ -192,8 +192,8 @@ class Nameless:
                 sensors = self._own_of(name)
                 if len(sensors) > 1 and name not in out:
                     out[name] = in_several(sensors)
-            named, nameless, where = self.earned(names)
-            if named - nameless < EARNED:
+            named, unmodelled, where = self.earned(names)
+            if named - unmodelled < EARNED:
                 out |= {name: no_better(names, where) for name in names if name not in out}
         return out
 
@@ -235,7 +235,7 @@ class Nameless:
         every = [one for one in self.lines if one is not None and one.p < CLEAR]
         return min(every, key=lambda one: one.p, default=None)
 
-    def _left_beside(self, name: str, level: Level) -> Left | None:
+    def _left_beside(self, name: str, level: Level) -> ResidualShape | None:
         problem = self.problem
         mine = self._of(name)
         shown = np.flatnonzero(sum((concerns(problem, j) for j in mine), np.zeros(len(problem.sensors))) > 0.1)

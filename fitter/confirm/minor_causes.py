@@ -23,7 +23,7 @@ NOTABLE = 1.0 / 3.0
 
 
 @dataclass(frozen=True)
-class Beside:
+class MinorCause:
     """A cause that may be there beside the confirmed one.
 
     Attributes:
@@ -35,12 +35,12 @@ class Beside:
     up_to: float
 
 
-def beside(comparison: Comparison, holder: int) -> tuple[Beside, ...]:
+def minor_causes(comparison: Comparison, holder: int) -> tuple[MinorCause, ...]:
     """Other members of a question with a notable limit, fitted beside the one that holds, by both runs together."""
     return tuple(sorted(_notable(comparison, holder), key=lambda one: -one.up_to))
 
 
-def _notable(comparison: Comparison, holder: int) -> Iterator[Beside]:
+def _notable(comparison: Comparison, holder: int) -> Iterator[MinorCause]:
     both, members, model = comparison.both, comparison.question.members, comparison.models[holder]
     first = np.tile(~both.fresh, len(both.sensors))
     own = comparison.own[holder]
@@ -50,7 +50,7 @@ def _notable(comparison: Comparison, holder: int) -> Iterator[Beside]:
             continue
         share = _upper(columns, model, both.outputs, first, t_limit(0.95, both.df)) / found
         if share > NOTABLE:
-            yield Beside(member.effect, min(share, 1.0))
+            yield MinorCause(member.effect, min(share, 1.0))
 
 
 def notable(first: Together, member: Hypothesis, rest: Candidates, sizes: FloatArray) -> FloatArray:

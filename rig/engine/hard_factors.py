@@ -34,7 +34,7 @@ def of_head(bench: Bench, factor: Factor) -> bool:
     return factor.axis in HEAD_AXES and (name is None or isinstance(bench.instruments[name], Head))
 
 
-class Held:
+class HardFactors:
     """What instruments hold for whole plots.
 
     Args:

@@ -28,7 +28,7 @@ NOTED = (NotNotified, ClockSet)
 
 
 @dataclass(frozen=True)
-class Case:
+class RecordedRun:
     """A run by its own file.
 
     Attributes:
@@ -49,7 +49,7 @@ class Case:
     bench: BenchConfig | None
 
     @classmethod
-    def of(cls, run: RunReader) -> Case:
+    def of(cls, run: RunReader) -> RecordedRun:
         """The case of an open run file."""
         documents = run.documents()
         return cls(run.genesis(), run.about(), run.run_list(), documents, _procedure(documents), _bench(documents))
