@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 
 REFERENCE = runpy.run_path(str(ROOT / "tools" / "reference"))
-GENERATED = ("commands", "effects", "exit_codes", "files", "instruments", "sequencer")
+GENERATED = ("commands", "effects", "exit_codes", "files", "instruments", "sequencer", "table_models")
 
 
 @pytest.mark.parametrize("page", [f"reference/{name}.md" for name in GENERATED] + ["how_to/scpi.md"])
