@@ -22,7 +22,7 @@ from rig.procedures.present.blocks import Block
 from rig.procedures.present.numbers import interval_text
 from rig.procedures.present.words import doubts_of, noise_of, part, verdict
 from rig.procedures.tables.table import Reader, Table
-from rig.procedures.tables.unused import TEXT, unused_columns
+from rig.procedures.tables.unused import TEXT, unit_after, unused_columns
 
 IGNORED = "named with --ignore"
 UNTESTED = "no effect of it could be tested: too few rows, or too large values"
@@ -124,7 +124,7 @@ def _worded(found: TableTrace, effect: FoundTableEffect, df: float) -> Finding:
         part, rms = t / float(np.sqrt(sum((c / e) ** 2 for c, e in known))), effect.rms
         about = "about " if len(known) > 1 else ""
         ends = rms * max(1.0 - part, 0.0), rms * (1.0 + part)
-        size = f"{about}{interval_text(ends, rms * part)} rms"
+        size = f"{about}{interval_text(ends, rms * part)}{unit_after(found.response)} rms"
     return with_words(found.response, effect.finding(), halves, size)
 
 

@@ -12,7 +12,7 @@ from rig.fitter.rounding import with_error
 from rig.procedures.present.blocks import Block, Line, Paragraph
 from rig.procedures.present.numbers import interval_text
 from rig.procedures.present.text_picture import picture
-from rig.procedures.present.words import chance, instead, share, units, unnamed
+from rig.procedures.present.words import chance, constants_of, instead, share, units, unnamed
 
 _SHOWN = 6
 """Maximum number of displayed coefficients of an effect; the others are in the JSON and the report."""
@@ -24,6 +24,7 @@ def show_effect(effect: Mapping[str, Any]) -> Iterator[Block]:
     yield Paragraph(f"[green]{escape(effect['effect'])}[/]{stratum}: {share(effect)}, p {chance(effect)}", 2)
     interval = "" if not effect["size_95"] else f" (95 %: {escape(effect['size_95'])}, conditional on the selection)"
     yield Paragraph(f"{escape(effect['size'])}{interval}", 4)
+    yield from (Paragraph(escape(words), 4) for words in constants_of(effect))
     yield from _show_coefficients(effect)
     if formulas := effect.get("formulas"):
         options = " ".join(f"--add {shlex.quote(text)}" for text in formulas)

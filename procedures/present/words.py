@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rig.fitter.rounding import with_error
+from rig.procedures.column_names import spelled
+from rig.procedures.present.numbers import interval_text
+
 TESTS = {"T_bias": "F_bias_95", "T_b": "F_bS_95", "T_S": "F_bS_95", "T_drift": "F_drift_95"}
 """Every test of Table 2 with its 95 % limit."""
 
@@ -20,6 +24,18 @@ _ROUNDING = 1e-9
 
 
 _SKIPPED_TOLD = 5
+
+
+def constants_of(effect: Mapping[str, Any]) -> list[str]:
+    """Searched constants of an effect with their 95 % intervals: "time constant 236 s (234 to 239 s)"."""
+    told = []
+    for one in effect.get("constants", ()):
+        unit = f" {spelled(one['unit'])}" if one["unit"] else ""
+        known = one["stderr"] and one["interval_95"]
+        value = with_error(one["estimate"], one["stderr"])[0] if known else f"{one['estimate']:.3g}"
+        interval = f"{interval_text(one['interval_95'], one['stderr'])}{unit}" if known else "no interval"
+        told.append(f"{one['name']} {value}{unit} ({interval})")
+    return told
 
 
 def incomplete(provenance: Mapping[str, Any]) -> str:

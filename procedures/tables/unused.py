@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from rig.procedures.column_names import split_unit
+from rig.procedures.column_names import spelled, split_unit
 from rig.procedures.tables.file_rows import rows_in_words
 
 if TYPE_CHECKING:
@@ -70,6 +70,12 @@ def other_unit(name: str, known: Collection[str]) -> str | None:
 def unit_of(name: str) -> str:
     """The unit at the end of a column's name; "" if there is none."""
     return name[len(_stem(name)) + 1 :]
+
+
+def unit_after(name: str) -> str:
+    """The unit of a column as it stands after a number, with a space before it; "" if there is none."""
+    unit = unit_of(name)
+    return f" {spelled(unit)}" if unit else ""
 
 
 def _stem(name: str) -> str:

@@ -3,7 +3,7 @@
 `equipment.toml` (docs/how_to/register.md) is referred to from the bench file by asset number, and kept in the run file.
 """
 
-from rig.register.check import absent, check_register, check_validity, entries
+from rig.register.check import absent, check_register, check_validity, entries, unrecorded
 from rig.register.read import DOCUMENT, parse_register, read_register, register_beside, register_of
 from rig.register.schema import Certificate, Equipment, Item, Laboratory, Register, SensorItem, Statement
 from rig.register.stated import check_covered, stated_of
@@ -31,4 +31,5 @@ __all__ = [
     "register_beside",
     "register_of",
     "stated_of",
+    "unrecorded",
 ]

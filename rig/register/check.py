@@ -75,14 +75,8 @@ def _contradictions(register: Register, config: BenchConfig, where: str, bench: 
             )
 
 
-def absent(register: Register, config: BenchConfig, room: Collection[str] = ()) -> Iterator[str]:
-    """Facts about equipment of a bench that its register does not state, one sentence for each sort.
-
-    Args:
-        register: the register.
-        config: the bench.
-        room: what the laboratory states of the room beside the run, by name with unit.
-    """
+def absent(register: Register, config: BenchConfig) -> Iterator[str]:
+    """Facts about equipment of a bench that its register does not state, one sentence for each sort."""
     known = {asset: register.equipment[asset] for _, e in entries(config) if (asset := e.asset) in register.equipment}
     dated = {e.asset for _, e in entries(config) if getattr(e, "due", None) is not None}
     dated |= {asset for asset, one in known.items() if one.certificate is None or one.certificate.due is not None}
@@ -108,6 +102,15 @@ def absent(register: Register, config: BenchConfig, room: Collection[str] = ()) 
             f"The register states no conditions under which the certificates of {', '.join(unconditional)} hold: "
             "whether the surroundings were permitted is not known."
         )
+
+
+def unrecorded(config: BenchConfig, room: Collection[str] = ()) -> Iterator[str]:
+    """That a bench records no temperature, a sentence.
+
+    Args:
+        config: the bench.
+        room: what the laboratory states of the room beside the run, by name with unit.
+    """
     if not any(unit_of(name) == TEMPERATURE_UNIT for name in (*config.temperatures, *config.references)):
         stated = any(unit_of(name) == TEMPERATURE_UNIT for name in room)
         unknown = "the conditions of the calibration are not known"

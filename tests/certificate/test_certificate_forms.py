@@ -66,7 +66,7 @@ def words(certificate: Document) -> list[str]:
         found += [item.serial, item.model, item.maker, item.condition, item.customer_id]
     for one in certificate.equipment:
         found += [one.name, one.certificate, one.laboratory, one.serial, one.asset]
-    found += [one.sentence for one in certificate.statements] + list(certificate.notes)
+    found += [one.sentence.rstrip(".") for one in certificate.statements] + list(certificate.notes)
     found += [one.rule for one in certificate.statements]
     found += [one.size for one in certificate.effects] + list(certificate.deviations) + [certificate.adjustment]
     return [one for one in found if one] + [one.run_id for one in certificate.evidence]
@@ -228,6 +228,45 @@ def test_sections_without_contents_are_absent():
     assert "Statement of conformity" not in titles
     assert titles[-1] == "Evidence"
     assert len(pages(pdf(made))) >= 2
+
+
+def conformity(*given: tuple[str, str, str]) -> list[str]:
+    """Sentences below the table, of (item, verdict, probability) each."""
+    one = document().statements[0]
+    statements = tuple(
+        replace(one, sensor=item, what=f"output {n}", verdict=verdict, probability=p, stage="")
+        for n, (item, verdict, p) in enumerate(given, 1)
+    )
+    (part,) = [s for s in sections(replace(document(), statements=statements)) if s.title == "Statement of conformity"]
+    return list(part.blocks[-1].texts)
+
+
+def test_one_sentence_for_each_item_says_what_the_table_of_conformity_does_not():
+    eleven = [("cell", "pass", p) for p in ("> 0.999", "0.973", *["0.998"] * 9)]
+    assert conformity(*eleven) == [
+        "cell: all 11 results conform with their tolerances, each with a probability of at least 97.3 %."
+    ]
+    assert conformity(*eleven[:1] * 2) == [
+        "cell: all 2 results conform with their tolerances, each with a probability of more than 99.9 %."
+    ]
+    assert conformity(*eleven[1:3], ("cell", "conditionalFail", "0.2"), ("other", "pass", "0.99")) == [
+        "cell: 2 of 3 results conform with their tolerances, each with a probability of at least 97.3 %; output 3 is "
+        "outside its tolerance, but nearer to a limit than the guard band.",
+        "other: output 4 conforms with its tolerance.",
+    ]
+    assert conformity(("a", "pass", "0.99"), ("a", "pass", "0.99"), ("b", "pass", "0.99"), ("b", "pass", "0.99")) == [
+        "a, b: all 2 results conform with their tolerances, each with a probability of at least 99 %."
+    ]
+
+
+def test_what_is_not_known_stands_with_equipment_and_conditions_and_is_no_deviation():
+    made = replace(
+        document(), unstated=("No serial number.",), unrecorded=("No temperature is recorded.",), deviations=()
+    )
+    under = {one.title: str(one.blocks) for one in sections(made)}
+    assert "No serial number." in under["Equipment and traceability"]
+    assert "No temperature is recorded." in under["Conditions during the calibration"]
+    assert "'None.'" in under["Deviations from the procedure"]
 
 
 def test_sentences_on_results_are_of_results_that_are_there():

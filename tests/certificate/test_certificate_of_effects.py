@@ -102,6 +102,19 @@ def test_without_acceptance_the_page_does_not_say_that_the_value_lies_within(dec
     assert "no properties of the item" in page
 
 
+def test_the_table_of_effects_has_sizes_in_the_outputs_unit_and_the_time_constant_with_its_interval(declared):
+    """The world's creep has 240 s; this run's is one of the few of which the interval ends below it."""
+    (effect,) = declared.document.effects
+    assert effect.size == (
+        "0.000983 V rms, 0.0029 V from end to end (0.0009811 to 0.0009858 V rms); "
+        "time constant 236.3 s (233.8 to 238.8 s)"
+    )
+    page = html(declared.document)
+    assert "time constant 236.3 s" in page
+    assert "cell_V still moves" in page
+    assert "in units of" not in page
+
+
 def test_conformity_counts_the_effect(declared, traced, run, tmp_path):
     text = (LAB / "certificate.toml").read_text().replace("deviation = 0.05", "deviation = 0.015")
     (tmp_path / "certificate.toml").write_text(text)

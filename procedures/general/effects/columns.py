@@ -302,15 +302,17 @@ def without_side(label: str) -> bool:
     return NO_SIDE in label
 
 
-def searched(values: Sequence[float] | FloatArray, at: Callable[[float], TableTerm], *, log: bool = False) -> Terms:
-    """A term for each value, valid up to the middle between its neighbours."""
+def searched(
+    values: Sequence[float] | FloatArray, at: Callable[[float], TableTerm], *, log: bool = False, what: str = ""
+) -> Terms:
+    """A term for each value, valid up to the middle between its neighbours; `what` is the constant's name, if any."""
     grid = np.asarray(values, np.float64)
     if not len(grid):
         return ()
 
     def held(value: float, low: float, high: float) -> TableTerm:
         term = at(value)
-        return TableTerm(term.labels, term.columns, Profile(value, low, high, lambda v: held(v, low, high)))
+        return TableTerm(term.labels, term.columns, Profile(value, low, high, lambda v: held(v, low, high), what=what))
 
     scale = np.log(grid) if log else grid
     padded = np.concatenate([scale[:1], scale, scale[-1:]])

@@ -200,6 +200,7 @@ class Profile:
         high: limits beyond which the neighbouring terms of the search are used.
         at: the term for another value.
         constants: number of constants that are searched in this way, one after the other.
+        what: name of the constant for people, if it has one: "time constant".
     """
 
     value: float
@@ -207,6 +208,7 @@ class Profile:
     high: float
     at: Callable[[float], TableTerm]
     constants: int = 1
+    what: str = ""
 
     def rows(self, kept: IntArray) -> Profile:
         """The same for some of the rows."""

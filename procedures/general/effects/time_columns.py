@@ -23,6 +23,7 @@ from rig.procedures.general.effects.columns import (
 from rig.procedures.general.effects.scene import CYCLES, Profile, Stood, TableScene, TableTerm
 
 STEPS, LAGS, SETTLINGS = 60, 10, 12
+TIME_CONSTANT = "time constant"
 FEWEST_BESIDE_STEP = 5
 BLOCK, MOST_INTERRUPTIONS = "block", 3
 """Column of the session of a run."""
@@ -84,7 +85,7 @@ def _settling(
         tau = rounded(tau, tau)
         return TableTerm((text.format(since=formula, tau=tau),), column(since, tau)[:, None])
 
-    return searched(np.geomspace(shortest, longest * span, SETTLINGS), at, log=True)
+    return searched(np.geomspace(shortest, longest * span, SETTLINGS), at, log=True, what=TIME_CONSTANT)
 
 
 def step(scene: TableScene, name: str) -> Terms:
@@ -155,7 +156,7 @@ def lag(scene: TableScene, name: str) -> Terms:
             columns.append(np.where(session == session[first], np.exp(-(t - start) / tau), 0.0))
         return TableTerm(tuple(labels), np.column_stack(columns))
 
-    return searched(constants, at, log=True)
+    return searched(constants, at, log=True, what=TIME_CONSTANT)
 
 
 def of_start(label: str) -> bool:

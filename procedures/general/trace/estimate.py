@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,8 +13,25 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.errors import FitError
 from rig.fitter.linear import orthonormal
 from rig.fitter.split_plot import fit_split_plot
+from rig.procedures.general.effects.scene import Profile
 from rig.procedures.general.trace.judge import TableJudge
 from rig.procedures.general.trace.shared import Shared
+
+
+class Constant(NamedTuple):
+    """A searched constant as found.
+
+    Attributes:
+        what: its name for people, such as "time constant"; "" for one without.
+        value: in the unit of its column.
+        stderr: its standard error; NaN if the rows do not determine it.
+        df: degrees of freedom of that.
+    """
+
+    what: str
+    value: float
+    stderr: float
+    df: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +51,7 @@ class Estimate:
         left: (n,) residuals of ordinary least squares of the same columns, whose standard error is `sigma_E`.
         sigma_E: standard error of one row, units of the response, with equal weights.
         df: degrees of freedom of that.
+        constants: searched constants by candidate.
     """
 
     chosen: tuple[int, ...]
@@ -46,6 +65,7 @@ class Estimate:
     left: FloatArray
     sigma_E: float
     df: int
+    constants: Mapping[int, tuple[Constant, ...]]
 
 
 def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | None = None) -> Estimate:
@@ -74,20 +94,24 @@ def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | Non
             fit = _solved(white, judge.white(at, chosen), None)
         if fit is None:
             return None
-        plain = fit[1], np.full(k, float(judge.problem.n - columns.shape[1]))
-        stderr, dfs = _beside_shared(judge, chosen, columns) or plain
-        return fit[0], stderr[:k], dfs[:k]
+        plain = fit[1], np.full(columns.shape[1], float(judge.problem.n - columns.shape[1]))
+        return fit[0], *(_beside_shared(judge, chosen, columns) or plain)
 
     left, df = _plain(judge, chosen)
     alone = errors(model) or (*_smallest(model, problem.y), np.full(k, float(df)))
-    slopes, taken = of_constants(judge, chosen, alone[0][problem.declared.shape[1] :])
+    slopes, taken, found = of_constants(judge, chosen, alone[0][problem.declared.shape[1] :])
     with_them = errors(np.hstack([model, slopes])) if slopes.shape[1] else alone
     if with_them is None:
         names = (judge.candidates[j].effect.name for j in _searched(judge, chosen))
-        with_them, taken = alone, tuple(dict.fromkeys(names))
+        with_them, taken, found = alone, tuple(dict.fromkeys(names)), ()
     (coefficients, given, _), (_, stderr, dfs) = alone, with_them
     fitted = model @ coefficients
-    return Estimate(chosen, at, coefficients, stderr, given, taken, dfs, fitted, left, _sigma(left, df), df)
+    constants: dict[int, tuple[Constant, ...]] = {}
+    for (j, profile, length), error, its_df in zip(found, stderr[k:].tolist(), dfs[k:].tolist(), strict=True):
+        constants[j] = (*constants.get(j, ()), Constant(profile.what, profile.value, error / length, its_df))
+    sigma_E = _sigma(left, df)
+    stderr, dfs = stderr[:k], dfs[:k]
+    return Estimate(chosen, at, coefficients, stderr, given, taken, dfs, fitted, left, sigma_E, df, constants)
 
 
 def _searched(judge: TableJudge, chosen: Sequence[int]) -> list[int]:
@@ -96,11 +120,15 @@ def _searched(judge: TableJudge, chosen: Sequence[int]) -> list[int]:
     return [j for j, profile in profiles if profile is not None and profile.low < profile.high]
 
 
-def of_constants(judge: TableJudge, chosen: Sequence[int], sizes: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
+def of_constants(
+    judge: TableJudge, chosen: Sequence[int], sizes: FloatArray
+) -> tuple[FloatArray, tuple[str, ...], Sequence[tuple[int, Profile, float]]]:
     """(n, c) change of the response with each searched constant of the chosen candidates, whose columns have these
-    coefficients (d,), to a factor; and the effects of which the change is zero between rows.
+    coefficients (d,), as columns of length 1; the effects of which the change is zero between rows; and of each column
+    the candidate, the constant, and its length.
     """
     searched, columns, taken, start = set(_searched(judge, chosen)), [], [], 0
+    found: list[tuple[int, Profile, float]] = []
     for j in chosen:
         term = judge.candidates[j].term
         own = sizes[start : start + term.columns.shape[1]]
@@ -110,9 +138,10 @@ def of_constants(judge: TableJudge, chosen: Sequence[int], sizes: FloatArray) ->
             length = float(np.linalg.norm(change))
             if np.count_nonzero(change) > 1:
                 columns.append(change / length)
+                found.append((j, profile, length))
             else:
                 taken.append(judge.candidates[j].effect.name)
-    return np.column_stack([np.zeros((judge.problem.n, 0)), *columns]), tuple(dict.fromkeys(taken))
+    return np.column_stack([np.zeros((judge.problem.n, 0)), *columns]), tuple(dict.fromkeys(taken)), found
 
 
 def _beside_shared(

@@ -35,6 +35,7 @@ from rig.procedures.general.trace.result import FoundTableEffect, TableSide, Tab
 from rig.procedures.general.trace.run import Found, TableData
 from rig.procedures.general.trace.shared import Shared
 from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
+from rig.procedures.tables.unused import unit_after, unit_of
 
 WANDER = "slow-wander"
 """Name of the alias "noise with long memory" of an effect."""
@@ -200,6 +201,8 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         df=float(np.min(after.dfs[picked])),
         given=tuple(after.given[picked].tolist()),
         dynamic=effect.dynamic,
+        constants=tuple(one for j in mine for one in after.constants.get(j, ()) if one.what),
+        time_unit="" if data.scene.time is None else unit_of(data.scene.time.name),
     )
 
 
@@ -220,10 +223,12 @@ def _over(effect: TableEffect, data: TableData) -> tuple[str, ...]:
 
 def _size(own: FloatArray, values: FloatArray, effect: TableEffect, response: str) -> str:
     """Size of an effect beyond the declared model; for levels of a group the range of their coefficients."""
-    rms, ends = f"{np.sqrt(np.mean(own**2)):.3g} rms", f"{np.ptp(own):.3g} from end to end, in units of {response}"
+    unit = unit_after(response)
+    of = "" if unit else f", in the unit of {response}"
+    rms, ends = f"{np.sqrt(np.mean(own**2)):.3g}{unit} rms", f"{np.ptp(own):.3g}{unit} from end to end{of}"
     apart = np.ptp(np.concatenate([[0.0], values]))
     if effect.kind is GROUP_OFFSET:
-        return f"{rms}, levels up to {apart:.3g} apart, in units of {response}"
+        return f"{rms}, levels up to {apart:.3g}{unit} apart{of}"
     if effect.kind is GROUP_GAIN:
         return f"{rms}, {ends}; slopes up to {apart:.3g} {effect.unit} apart"
     return f"{rms}, {ends}"

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.json_values import JsonValue
+from rig.fitter.quantiles import t_limit
 from rig.fitter.trace.found import CONFIRMED, Found, Unnamed
 from rig.fitter.trace.outcome import OF_REPLICATIONS, Instead, Outcome, Parameter, Row, WithError, absent
-from rig.procedures.general.trace.estimate import Estimate
+from rig.procedures.general.trace.estimate import Constant, Estimate
 from rig.procedures.general.trace.run import Found as Search
 
 UNBOUNDED = (
@@ -36,6 +38,8 @@ class FoundTableEffect(Found):
         given: (d,) standard errors of its coefficients with searched constants as found, for what it adds to the
             response, which hardly depends on them; () for noise.
         dynamic: whether what it adds depends on how long settings were held.
+        constants: its searched constants that have a name.
+        time_unit: unit of the time of the table, which is that of a time constant; "" if unknown.
     """
 
     family: str
@@ -46,6 +50,8 @@ class FoundTableEffect(Found):
     df: float | None = None
     given: tuple[float, ...] = ()
     dynamic: bool = False
+    constants: tuple[Constant, ...] = ()
+    time_unit: str = ""
 
     @property
     def rms(self) -> float:
@@ -60,6 +66,18 @@ class FoundTableEffect(Found):
             "columns": list(self.columns),
             "intervals": dict(self.intervals),
             "rms": self.rms,
+            "constants": [self._constant(one) for one in self.constants],
+        }
+
+    def _constant(self, one: Constant) -> dict[str, JsonValue]:
+        known = isfinite(one.stderr) and one.df > 0
+        half = t_limit(0.95, one.df) * one.stderr if known else 0.0
+        return {
+            "name": one.what,
+            "estimate": one.value,
+            "stderr": one.stderr if known else None,
+            "unit": self.time_unit,
+            "interval_95": [one.value - half, one.value + half] if known else None,
         }
 
 

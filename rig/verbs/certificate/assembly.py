@@ -15,6 +15,7 @@ from rig.fitter.confirm import Confirmation
 from rig.fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from rig.fitter.trace.outcome import Finding, Outcome
 from rig.procedures.column_names import stem_of
+from rig.procedures.present.words import constants_of
 from rig.register import holds_of
 from rig.register.surroundings import shown_unit
 from rig.verbs.budget.evaluation import RunBudget
@@ -229,14 +230,6 @@ def holdings(run: RunBudget, stage: Stage) -> Iterator[Holding]:
             yield Holding(*about, "", "", stage)
 
 
-def not_recorded(run: RunBudget, stage: Stage) -> Iterator[str]:
-    """Conditions of certificates of which nothing tells, one sentence each."""
-    of, at = run.of, f" ({stage})" if stage else ""
-    for one in holds_of(of.register, of.config):
-        if not one.sources(of.config, of.table.columns, of.told):
-            yield one.not_recorded(at)
-
-
 def effects(
     run: RunBudget, outcomes: Iterable[Outcome], confirmed: Confirmed | None, stage: Stage, heads: Mapping[Path, str]
 ) -> Iterator[Effect]:
@@ -272,7 +265,7 @@ def effects(
                 size = found.sizes.get(outcome.sensor, "size not determined")
                 yield Effect(sensor, found.effect, cause, size, True, f"distinguished from {one.effect}{by}", stage)
                 continue
-            size = one.size + (f" ({one.size_95})" if one.size_95 else "")
+            size = "; ".join((one.size + (f" ({one.size_95})" if one.size_95 else ""), *constants_of(one.more)))
             cause = one.cause.partition(": ")[0].partition("; ")[0]
             yield Effect(sensor, one.effect, cause, size, confirms, how, stage)
 

@@ -31,6 +31,10 @@ def add_statements(parent: ET.Element, document: Document) -> None:
         add(one, "nonSIUnit", f"|{unit.original}")
     for deviation in document.deviations:
         _declared(parent, "Deviation from the procedure", deviation)
+    for fact in document.unstated:
+        _declared(parent, "Equipment", fact)
+    for condition in document.unrecorded:
+        _declared(parent, "Conditions during the calibration", condition)
     for asset in dict.fromkeys(one.asset for one in document.holdings):
         _declared(parent, f"Conditions of the certificate of {asset}", *_holdings(document, asset))
     for datum in document.supplied:

@@ -335,6 +335,8 @@ class Document:
         holdings: conditions under which the certificates of the equipment hold.
         external: results of external providers.
         supplied: data that the customer supplied.
+        unstated: facts about the equipment that the register does not state, sentences.
+        unrecorded: conditions of the calibration of which nothing is recorded, sentences.
     """
 
     number: str
@@ -366,6 +368,8 @@ class Document:
     holdings: tuple[Holding, ...] = ()
     external: tuple[External, ...] = ()
     supplied: tuple[Supplied, ...] = ()
+    unstated: tuple[str, ...] = ()
+    unrecorded: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """JSON values of all but the logo, dates as YYYY-MM-DD; infinite numbers are None."""

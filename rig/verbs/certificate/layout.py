@@ -27,7 +27,7 @@ from rig.verbs.certificate.blocks import (
     text_grid,
 )
 from rig.verbs.certificate.document import Document, Item, Party, by_source
-from rig.verbs.certificate.measured import Budget, ResultTable
+from rig.verbs.certificate.measured import Budget, ResultTable, Stage
 from rig.verbs.certificate.numbers import raised, typeset
 from rig.verbs.certificate.words import count
 
@@ -147,6 +147,7 @@ def _external(document: Document) -> Iterator[Block]:
 
 def _conditions(document: Document) -> Iterator[Block]:
     yield from _recorded(document)
+    yield from _paragraphs(document.unrecorded)
     if not document.holdings:
         return
     staged = any(one.stage for one in document.holdings)
@@ -197,6 +198,7 @@ def _equipment(document: Document) -> Iterator[Block]:
     ]
     traced = all(one.laboratory for one in document.equipment)
     yield text_grid("", heads, rows, notes=words.TRACEABILITY if traced else (*words.TRACEABILITY, *words.UNTRACED))
+    yield from _paragraphs(document.unstated)
 
 
 def _results(document: Document) -> Iterator[Block]:
@@ -266,11 +268,14 @@ def _conformity(document: Document) -> Iterator[Block]:
 
 
 def _stated(document: Document) -> Iterator[str]:
-    """Each statement once, with the items that it holds for."""
-    for stage, sentence in dict.fromkeys((one.stage, one.sentence) for one in document.statements if one.sentence):
-        of = [one.sensor for one in document.statements if (one.stage, one.sentence) == (stage, sentence)]
-        items = ", ".join(one or "all items together" for one in dict.fromkeys(of))
-        yield f"{items}{f', {stage}' if stage else ''}: {sentence}"
+    """A sentence for each item: how many of its results conform, the lowest probability, and those that do not."""
+    sentences: dict[tuple[Stage, str], list[str]] = {}
+    for stage, sensor in dict.fromkeys((one.stage, one.sensor) for one in document.statements):
+        mine = [one for one in document.statements if (one.stage, one.sensor) == (stage, sensor)]
+        told = "; ".join(words.conformity(mine))
+        sentences.setdefault((stage, told), []).append(sensor or "all items together")
+    for (stage, told), items in sentences.items():
+        yield f"{', '.join(items)}{f', {stage}' if stage else ''}: {told}."
 
 
 def _effects(document: Document) -> Iterator[Block]:

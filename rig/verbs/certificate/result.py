@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rig.errors import UsageError
 from rig.fitter.errors import FitError
-from rig.register import DOCUMENT, absent
+from rig.register import DOCUMENT, absent, unrecorded
 from rig.verbs.budget.evaluation import OfRun, RunBudget
 from rig.verbs.certificate import about, assembly, conformity, of_others
 from rig.verbs.certificate.document import Dates, Document
@@ -156,9 +156,9 @@ def _document(
                 if one.state is not None
                 for d in conformity.since_recorded(one.conformity, settings, f" ({one.stage})" if one.stage else "")
             ),
-            *dict.fromkeys(d for one in of for d in absent(one.register, one.config, asked.room)),
-            *(d for one, b in with_budget for d in assembly.not_recorded(b, one.stage)),
         ),
+        unstated=tuple(dict.fromkeys(d for one in of for d in absent(one.register, one.config))),
+        unrecorded=tuple(dict.fromkeys(d for one in of for d in unrecorded(one.config, asked.room))),
         notes=tuple(dict.fromkeys(n for one, b in with_budget for n in assembly.notes(b, one.confirmed))),
         next_due=settings.next_due,
         remarks=settings.remarks,

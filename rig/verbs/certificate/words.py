@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
+from rig.verbs.certificate.blocks import percent
 from rig.verbs.certificate.document import Document
-from rig.verbs.certificate.measured import Verdict
+from rig.verbs.certificate.measured import Statement, Verdict
 
 COVER = (
     "The results relate only to the items that are named here, in the condition in which they were calibrated.",
@@ -108,6 +109,46 @@ def uncertainty(document: Document) -> tuple[str, ...]:
         coverage = [*(one for one in coverage if one != _LIES), _NAMELESS]
     first = (_UNCERTAINTY.format(" ".join(coverage)),)
     return (*first, " ".join(found)) if any(label.startswith(tuple(told)) for label in labels) else first
+
+
+_OF_VERDICTS: Mapping[Verdict, tuple[str, str]] = {
+    "pass": ("conforms with its tolerance", "conform with their tolerances"),
+    "fail": ("does not conform with its tolerance", "do not conform with their tolerances"),
+    "conditionalPass": (
+        "is within its tolerance, but nearer to a limit than the guard band",
+        "are within their tolerances, but nearer to a limit than the guard band",
+    ),
+    "conditionalFail": (
+        "is outside its tolerance, but nearer to a limit than the guard band",
+        "are outside their tolerances, but nearer to a limit than the guard band",
+    ),
+    "noPass": (
+        "has no statement of conformity, and is rather within its tolerance",
+        "have no statement of conformity, and are rather within their tolerances",
+    ),
+    "noFail": (
+        "has no statement of conformity, and is rather outside its tolerance",
+        "have no statement of conformity, and are rather outside their tolerances",
+    ),
+}
+
+
+def conformity(statements: Sequence[Statement]) -> Iterator[str]:
+    """What the statements on one item say together: parts of a sentence, one for each verdict.
+
+    Results that conform are counted, with the lowest probability of conformity; others are named.
+    """
+    for verdict, (one, several) in _OF_VERDICTS.items():
+        mine = [s for s in statements if s.verdict == verdict]
+        if len(mine) == 1:
+            yield f"{mine[0].what} {one}"
+        elif mine and verdict == "pass":
+            lowest = min(mine, key=lambda s: float(s.probability.strip("<> ")))
+            more, least = lowest.probability.startswith("> "), percent(lowest.probability.removeprefix("> "))
+            of = f"all {len(mine)}" if len(mine) == len(statements) else f"{len(mine)} of {len(statements)}"
+            yield f"{of} results {several}, each with a probability of {'more than' if more else 'at least'} {least}"
+        elif mine:
+            yield f"{', '.join(s.what for s in mine)} {several}"
 
 
 def count(number: int, noun: str) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rig.errors import ConfigurationError
-from rig.register import DOCUMENT, absent, check_validity, entries, holds_of, parse_register
+from rig.register import DOCUMENT, absent, check_validity, entries, holds_of, parse_register, unrecorded
 
 if TYPE_CHECKING:
     from rig.fitter.arrays import FloatArray
@@ -29,7 +29,8 @@ def not_stated(plan: Plan) -> list[str]:
     if DOCUMENT not in plan.documents:
         return []
     register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
-    return [*absent(register, plan.bench), *(one.not_recorded() for one, by in _surroundings(plan) if not by)]
+    told = [*absent(register, plan.bench), *unrecorded(plan.bench)]
+    return [*told, *(one.not_recorded() for one, by in _surroundings(plan) if not by)]
 
 
 def surroundings(plan: Plan) -> list[str]:
