@@ -186,6 +186,10 @@ class Evaluation(ABC):
         """Sentences about the scatter."""
         return ()
 
+    def hints(self) -> Iterable[str]:
+        """Sentences for the person who asks for a budget: which results are not there, and what would state them."""
+        return ()
+
     def described(self, sensor: str) -> str:
         """How a sensor's output follows from its coefficients, a sentence; "" if it is not said."""
         return ""

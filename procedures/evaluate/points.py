@@ -7,6 +7,9 @@ from collections.abc import Sequence
 
 from rig.procedures.errors import DataError
 
+WITH_EFFECTS = "--at predicts by the declared model; with effects beside it: rig budget RUN --traced --at NAME=VALUE"
+"""Refusal of a prediction by a model with effects."""
+
 
 def points(texts: Sequence[str]) -> list[dict[str, float]]:
     """Quantities and their values at each point. Raises `DataError`."""

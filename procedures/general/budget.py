@@ -87,6 +87,10 @@ class GeneralEvaluation(EvaluationBySensor):
             if one.about_inferred:
                 yield one.about_inferred
 
+    def hints(self) -> Iterable[str]:
+        """See `Evaluation`."""
+        return (one.not_inferred for one in self._each if one.not_inferred)
+
     def described(self, sensor: str) -> str:
         """See `Evaluation`."""
         formula = next(one for one in self._each if one.name == sensor).calibration.formula

@@ -146,8 +146,8 @@ class Sensor:
             return None
 
     @property
-    def about_inferred(self) -> str:
-        """A sentence about models of several variables: which is inferred, and where; "" for one variable."""
+    def not_inferred(self) -> str:
+        """Why no quantity is inferred from a model of several variables, a sentence; "" if one is."""
         names = self.calibration.formula.names
         if len(names) < 2:
             return ""
@@ -159,9 +159,19 @@ class Sensor:
                 f'{self.name}: nothing is inferred, since its model has {", ".join(names)}: abscissa = "{names[0]}" in '
                 f"[model] says which of them a reading determines"
             )
-        others = ", ".join(name for name in names if name != self.variable)
-        known = f"{self.name}: {self.variable} is inferred for {others} as stated at each point"
-        return f"{known}, without their errors in use"
+        return ""
+
+    @property
+    def about_inferred(self) -> str:
+        """How a variable of several is inferred, a sentence; "" if none is, or it is the only one."""
+        others = [_plainly(name) for name in self.calibration.formula.names if name != self.variable]
+        if not others or self.not_inferred or self.variable is None:
+            return ""
+        its = "its error in use is" if len(others) == 1 else "their errors in use are"
+        known = (
+            f"{self.name}: {_plainly(self.variable)} is inferred with {' and '.join(others)} as stated at each point"
+        )
+        return f"{known}; {its} not in the uncertainty"
 
     @cached_property
     def _given(self) -> Mapping[str, FloatArray]:
@@ -278,6 +288,11 @@ class Sensor:
 def _plain(name: str) -> str:
     """A factor's name without its unit."""
     return stem_of(name).replace("_", " ")
+
+
+def _plainly(name: str) -> str:
+    """A column for people: without its unit."""
+    return (stem_of(name) or name).replace("_", " ")
 
 
 def _unit(term: str, unit: str) -> str:

@@ -65,7 +65,7 @@ class GeneralKind(Kind):
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
     ) -> Fitted:
         """A formula to one column, or the declared models to all sensors of a run."""
-        from rig.procedures.evaluate.points import points  # noqa: PLC0415
+        from rig.procedures.evaluate.points import WITH_EFFECTS, points  # noqa: PLC0415
 
         read: Reader = source.read
         if source.is_run:
@@ -73,11 +73,9 @@ class GeneralKind(Kind):
 
             asked = RunModels.of(source.table, options.response, options.formula)
             at = points(options.at or ())
-            if (
-                asked is not None
-                and set(_given(options)) <= {*_OF_RUNS, "traced", "at"}
-                and not (options.traced and at)
-            ):
+            if asked is not None and options.traced and at:
+                raise DataError(WITH_EFFECTS)
+            if asked is not None and set(_given(options)) <= {*_OF_RUNS, "traced", "at"}:
                 if options.traced:
                     from rig.procedures.general.traced import fit_traced  # noqa: PLC0415
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar, overload
 
-from rig.procedures.column_names import with_word
+from rig.procedures.column_names import spelled, split_unit, with_word
 
 if TYPE_CHECKING:
     from rig.procedures.plan.hand_steps import HandStep
@@ -291,6 +291,11 @@ class RunList:
     def setting(self, point: Point) -> dict[str, float]:
         """Setpoints of a point by factor name."""
         return {f.name: value for f, value in zip(self.factors, point.setpoints, strict=True)}
+
+    def told(self, point: Point) -> str:
+        """Setpoints of a point for people: `force 3 kN, air 20 degC`."""
+        parts = ((*split_unit(name), value) for name, value in self.setting(point).items())
+        return ", ".join(f"{stem.replace('_', ' ')} {value:g} {spelled(unit)}" for stem, unit, value in parts)
 
     def largest(self) -> dict[str, float]:
         """Largest magnitude of the setpoints, by factor name."""

@@ -6,10 +6,12 @@ import contextlib
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
 from typing import Any
 
 from rig.bench.typed import TypedColumn
 from rig.errors import UsageError
+from rig.procedures.plan.run_list import RunList
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.events.by_hand import ReadByHand
@@ -114,12 +116,13 @@ class Corrections:
 
     Args:
         records: of the run; others than corrections are left out, and those that a damaged file cannot tell.
+        run_list: its points.
 
     Attributes:
-        told: one sentence for each.
+        told: one sentence for each, with the day, and the setting of the point.
     """
 
-    def __init__(self, records: Iterable[Record]) -> None:
+    def __init__(self, records: Iterable[Record], run_list: RunList) -> None:
         self._by_place: dict[tuple[int | None, int | None], dict[str, Sequence[float]]] = {}
         self.told: list[str] = []
         for record in records:
@@ -127,7 +130,8 @@ class Corrections:
                 event = record.event if record.kind == Corrected.kind else None
                 if isinstance(event, Corrected):
                     self._by_place.setdefault((record.run_index, record.whole_plot), {})[event.column] = event.readings
-                    self.told.append(record.sentence())
+                    day = datetime.fromtimestamp(record.utc_s, UTC).date()
+                    self.told.append(f"{record.sentence()} ({_setting(run_list, record.run_index)}on {day})")
 
     def seen(self, record: Record) -> Observed:
         """An observation with its corrected values; the channels of instruments as they were recorded."""
@@ -154,3 +158,11 @@ def _channel(readings: Sequence[float]) -> Mapping[str, Any]:
     n, mean = len(readings), math.fsum(readings) / len(readings)
     sd = math.sqrt(math.fsum((one - mean) ** 2 for one in readings) / (n - 1)) if n > 1 else 0.0
     return {"mean": mean, "sd": sd, "readings": [*readings]}
+
+
+def _setting(run_list: RunList, point: int | None) -> str:
+    """The setting of a point, for people, before what follows; "" for a point that a damaged file cannot tell."""
+    if point is None or not 0 <= point < len(run_list):
+        return ""
+    told = run_list.told(run_list.points[point])
+    return f"{told}; " if told else ""

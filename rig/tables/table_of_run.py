@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from rig.errors import RunFileError
-from rig.procedures.column_names import moves_of, since_of, spelled, split_unit, with_word
+from rig.procedures.column_names import moves_of, since_of, split_unit, with_word
 from rig.procedures.plan.hand_steps import Made
 from rig.procedures.plan.run_list import RunList
 from rig.procedures.present.shell import shell_word
@@ -67,7 +67,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         left_out, rejected, flags = 0, 0, Counter[str]()
         doubted = _doubted(reader.salvage() if salvage else reader.records(WholePlotLost.kind))
         marks = partial(_mark, told_later={} if salvage else _told_later(reader), evidence=evidence)
-        corrections = Corrections(reader.salvage() if salvage else reader.records(Corrected.kind))
+        corrections = Corrections(reader.salvage() if salvage else reader.records(Corrected.kind), run_list)
         records = reader.salvage() if salvage else reader.records(Observed.kind)
         for record in records:
             try:
@@ -264,15 +264,10 @@ def _skipped(reader: RunReader, run_list: RunList) -> list[dict[str, Any]]:
     found = []
     for index, reason in sorted(read_state(reader).skipped.items()):
         point = run_list.points[index]
-        where = ", ".join(_setting(name, value) for name, value in run_list.setting(point).items())
+        where = run_list.told(point)
         about = {"replication": point.replication, "whole_plot": point.whole_plot}
         found.append({"point": index, "where": where, **about, "reason": reason})
     return found
-
-
-def _setting(name: str, value: float) -> str:
-    stem, unit = split_unit(name)
-    return f"{stem.replace('_', ' ')} {value:g} {spelled(unit)}"
 
 
 def _utc(seconds: float) -> str:

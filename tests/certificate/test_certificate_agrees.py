@@ -54,7 +54,13 @@ def test_without_a_confirmation_of_this_effect_it_says_what_it_said(given):
 
 def test_the_state_of_the_effect_says_what_was_excluded():
     finding = SimpleNamespace(
-        kind="effect", effect="drift:elapsed_s", size="1 mV", size_95="", cause="drifts", aliases=("ageing:elapsed_s",)
+        more={},
+        kind="effect",
+        effect="drift:elapsed_s",
+        size="1 mV",
+        size_95="",
+        cause="drifts",
+        aliases=("ageing:elapsed_s",),
     )
     outcome = SimpleNamespace(sensor="cell_V", findings=[finding])
     (one,) = effects(run(), [outcome], confirmed(), "", {Path("later.sqlite"): "ab" * 16})

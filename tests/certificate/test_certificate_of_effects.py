@@ -145,3 +145,11 @@ def test_an_effect_that_a_further_run_confirmed_is_in_the_results(monkeypatch, r
 @pytest.mark.parametrize(("df", "printed"), [(59.9999999, "60"), (59.99, "59"), (60.0000001, "60"), (1e9, "∞")])
 def test_rounding_errors_take_no_degree_of_freedom(df, printed):
     assert rounded_df(df) == printed
+
+
+def test_a_prediction_with_the_effects_is_refused_by_fit_with_the_command_that_makes_it(run):
+    done = rig("fit", run, "--traced", "--at", "force_kN=2")
+    assert done.returncode == 2
+    assert "with effects beside it: rig budget RUN --traced --at NAME=VALUE" in done.stderr
+    made = rig("budget", run, "--traced", "--at", "force_kN=2")
+    assert "cell output at force 2 kN" in made.stdout

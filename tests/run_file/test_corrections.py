@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from command import rig
 from few_points import Killed, records
-from general_lab import run_dry, written
+from general_lab import DVM, PROCEDURE, run_dry, written
 from test_typed_readings import DIAL, bench, defects, world
 
 from rig.engine.session import Outcome, Signals
@@ -196,4 +197,19 @@ def test_the_certificate_states_the_number_and_both_values(run):
     with RunReader.open(run) as reader:
         found = list(deviations(of, read_state(reader), "", (None, None)))
     assert "Entries that a person had typed were corrected after their acceptance, once." in found
-    assert found[-1].endswith("4.02 bar became 4.2, because digits exchanged.")
+    assert re.search(
+        r"by A\. Reader: 4\.02 bar became 4\.2, because digits exchanged \(force 2 kN; on \d{4}-\d\d-\d\d\)\.$",
+        found[-1],
+    ), "what was altered, by whom, why, and when (ISO/IEC 17025, 7.5.2)"
+
+
+def test_a_run_that_people_alone_have_read_is_verified(tmp_path):
+    """Readings that are typed take no time of a meter."""
+    text = bench().replace(DVM, "").replace('[sensors.cell]\nreader = "dvm"\n', "")
+    truth = 'seed = 3\n[sensors.gauge]\nformula = "2*force_kN + 0.013"\n'
+    once = PROCEDURE.replace("readings = 3", "readings = 1")
+    path, result = run_dry(tmp_path, once, text, truth)
+    assert result.outcome is Outcome.COMPLETE
+    assert verify_file(path).whole
+    assert correct(path).returncode == 0
+    assert defects(path) == []

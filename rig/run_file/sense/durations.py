@@ -43,6 +43,7 @@ class Durations:
         self._writes_all = False
         self._gap_s = 5.0 + 2.0 * case.speed
         conduct = case.conduct
+        self._typed = case.typed.keys()
         self._reading_s = 0.0 if conduct is None else conduct.readings * _sweep_s(case)
         self._longest_s = float("inf")
         if conduct is not None:
@@ -106,7 +107,8 @@ class Durations:
                 f"it was read {ready_s - before.elapsed_s:.1f} s after the record before it, and settling took "
                 f"{settling_s:.1f} s"
             )
-        if ended - began < self._reading_s or ended <= began:
+        by_meters = not event.every_reading.keys() <= self._typed
+        if ended < began or (by_meters and (ended - began < self._reading_s or ended == began)):
             yield f"it was read within {ended - began:.2f} s, and its meters take {self._reading_s:.2f} s at least"
         longest_s = self._longest_s + self._waited_s + (was.pause_s or 0.0 if isinstance(was, Fault) else 0.0)
         if record.elapsed_s - before.elapsed_s > longest_s:

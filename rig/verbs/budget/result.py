@@ -70,7 +70,7 @@ class Budget(Result):
 
     def notes(self) -> Sequence[str]:
         """Sentences about influences that are in the budgets, and about those that are not."""
-        return self.found.notes
+        return (*self.found.notes, *self.found.evaluation.hints())
 
     def frame(self) -> Frame:
         """One row per result and influence."""

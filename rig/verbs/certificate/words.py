@@ -134,7 +134,7 @@ _OF_VERDICTS: Mapping[Verdict, tuple[str, str]] = {
 
 
 def conformity(statements: Sequence[Statement]) -> Iterator[str]:
-    """What the statements on one item say together: parts of a sentence, one for each verdict.
+    """The statements on one item together: parts of a sentence, one for each verdict.
 
     Results that conform are counted, with the lowest probability of conformity; others are named.
     """

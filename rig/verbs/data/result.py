@@ -306,12 +306,13 @@ def fit_source(
     fitted: Fitted
     others = [name for name, value in (("--leave-out", leave_out), ("--confirmed-by", confirmed_by)) if value]
     if confirmed_by:
+        from rig.procedures.evaluate.points import WITH_EFFECTS  # noqa: PLC0415
         from rig.verbs.confirm import fit_confirmed  # noqa: PLC0415 - which few fits need
 
         if leave_out:
             raise UsageError("--confirmed-by uses all rows: omit --leave-out")
         if given.get("at"):
-            raise UsageError("--at predicts by the declared model: rig budget RUN --traced --at ... has the effects")
+            raise UsageError(WITH_EFFECTS)
         fitted = fit_confirmed(run, confirmed_by, options, of.table_of)
     else:
         fitted = kind.fit(source, options, leave_out=leave_out, own=laboratory_effects(), keep=keep)
