@@ -52,7 +52,7 @@ def test_a_second_further_run_is_asked_between_a_cause_and_both_and_tells(traced
     short = later()
     answer = confirm(AttitudeTogether.of(found, first, [short]), question)
     assert answer.verdict in ("confirmed", "replaced"), "a short run excludes only one of them alone"
-    assert answer.beside
+    assert answer.minor_causes
     asked = still_open(answer)
     assert asked is not None
     (alone, both) = asked.members
@@ -80,7 +80,7 @@ def test_a_second_further_run_is_asked_between_a_cause_and_both_and_tells(traced
 def test_there_is_nothing_to_ask_if_a_cause_holds_alone_or_none_does(traced) -> None:
     first, found, question = traced
     answer = confirm(AttitudeTogether.of(found, first, [later(replications=3, pitches=PITCHES)]), question)
-    assert still_open(replace(answer, beside=())) is None
+    assert still_open(replace(answer, minor_causes=())) is None
     none = replace(answer, members=tuple(replace(member, fits=False) for member in answer.members))
     assert none.verdict == "none holds"
     assert still_open(none) is None
