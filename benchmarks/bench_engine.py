@@ -39,7 +39,7 @@ from rig.engine.journal import Journal
 from rig.engine.liveness import Liveness
 from rig.procedures.attitude.settings import PitchRollProcedure
 from rig.run_file.chain import Record, encode
-from rig.run_file.writer import RunWriter
+from rig.run_file.write.writer import RunWriter
 
 MEMORY = Path("/dev/shm") if Path("/dev/shm").is_dir() else None
 POINTS = 2886

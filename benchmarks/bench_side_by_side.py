@@ -26,7 +26,7 @@ from benchmarks.scratch import RUNS
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
 from rig.run_file.events.sessions import SessionBegan
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.runs.controller import start_run
 from rig.runs.plans import load_plan
 

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from rig.procedures.plan.run_list import Factor, Point, RunList
 from rig.run_file.chain import Record, encode
-from rig.run_file.creation import Genesis, create
-from rig.run_file.writer import RunWriter
+from rig.run_file.write.creation import Genesis, create
+from rig.run_file.write.writer import RunWriter
 from rig.watch.feed import RunFeed, encoded
 
 

@@ -36,9 +36,9 @@ from benchmarks.scratch import RUNS
 from rig.engine.session import Outcome, Progress, Signals
 from rig.procedures.plan.run_list import Factor, Point, RunList
 from rig.run_file.chain import Record
-from rig.run_file.creation import Genesis, create
-from rig.run_file.unsynced import unsynced
-from rig.run_file.writer import RunWriter
+from rig.run_file.write.creation import Genesis, create
+from rig.run_file.write.unsynced import unsynced
+from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import Result, Site, resume_run, start_run
 from rig.runs.plans import Plan
 

@@ -3,7 +3,7 @@
 A character that is lost or doubled on the way can leave a number that looks right: `+1.25E+02` without its first digit
 is 25. Most meters print all numbers with exponent in one form, and plain decimals with one number of decimals or of
 digits. Once a few readings have shown it, a reading of another form is refused. A digit that is lost before the point
-does not change the number of decimals: see `rig.run_file.lost_digits`.
+does not change the number of decimals: see `rig.run_file.state.lost_digits`.
 """
 
 from __future__ import annotations

@@ -15,9 +15,9 @@ from typing import Any
 from proving.certificates.documents import ALPHABETS, IN_FONTS, Random
 from rig.dcc.reader import parsed
 from rig.dcc.schema import schema_errors
-from rig.dcc.si_units import si_unit
 from rig.errors import UsageError
 from rig.extras import needed
+from rig.units.si import si_unit
 from rig.verbs.certificate.as_dcc import dcc
 from rig.verbs.certificate.document import Document
 

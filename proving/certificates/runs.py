@@ -27,7 +27,7 @@ from proving.certificates.campaign import Check, by_schema, not_read_back, rules
 from proving.certificates.labs import AttitudeStand, LabStand, PressureStand
 from rig.engine.session import Signals
 from rig.procedures.evaluate.reversibility import SERIES
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.runs.controller import start_run
 from rig.runs.plans import load_plan
 from rig.tables import run_table

@@ -15,10 +15,10 @@ from proving.disk import Disk
 from rig.errors import RigError
 from rig.run_file.chain import Record
 from rig.run_file.live import live_path, read_json
-from rig.run_file.reader import RunReader
-from rig.run_file.state import fold
-from rig.run_file.verification import restored
-from rig.run_file.writer import RunWriter
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import fold
+from rig.run_file.verify.verification import restored
+from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import _losses
 from rig.tables import run_table
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from rig.examples import example
 from rig.procedures.plan.run_list import RunList
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 ATTITUDE = """
 kind = "pitch-roll"

@@ -21,8 +21,8 @@ from proving.disk import Crash, Disk
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
 from rig.run_file.live import LiveState
-from rig.run_file.reader import RunReader
-from rig.run_file.writer import RunWriter
+from rig.run_file.read.reader import RunReader
+from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import Plan, plan_of
 

@@ -15,10 +15,10 @@ from rig.bench.scatter import most_scatter
 from rig.drivers.scpi import ScpiMeter
 from rig.drivers.wires import SerialLine
 from rig.engine import at_point, sequencer
+from rig.engine.by_hand.settings import SetByHand
 from rig.engine.guard import Guard
 from rig.engine.holes import WatchedClock
 from rig.engine.journal import Journal
-from rig.engine.set_by_hand import SetByHand
 from rig.engine.whole_plots import WholePlots
 from rig.procedures.plan.run_list import Factor, Point
 from rig.run_file.events.event import Event

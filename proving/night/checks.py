@@ -11,8 +11,8 @@ from proving.night import of_commands, of_readings, of_records, of_time
 from proving.night.judged import Night, Violation
 from proving.night.play import Played
 from rig.errors import RunFileError
-from rig.run_file.reader import RunReader
-from rig.run_file.sense import judged
+from rig.run_file.read.reader import RunReader
+from rig.run_file.verify.sense import judged
 
 INVARIANTS: Mapping[str, Callable[[Night], Iterator[str]]] = {
     "complete": of_records.complete,

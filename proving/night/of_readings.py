@@ -10,7 +10,6 @@ from operator import attrgetter
 
 from proving.night.judged import Night
 from rig.bench.bench_file import of_reading
-from rig.bench.quantities import HEAD_AXES
 from rig.procedures.column_names import unit_of
 from rig.procedures.plan.run_list import Factor, Point
 from rig.run_file.chain import Record
@@ -21,6 +20,7 @@ from rig.sims.physics.pressure_truth import TransducerTruth
 from rig.sims.physics.truth import SensorTruth
 from rig.sims.tape import Reading
 from rig.sims.twin import Accuracy, Accurate
+from rig.units.of_instruments import HEAD_AXES
 
 
 def truthful(night: Night) -> Iterator[str]:

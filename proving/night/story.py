@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from proving.night.play import Played
 from rig.errors import RunFileError
 from rig.run_file.events.sessions import SessionBegan
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 
 def timeline(played: Played) -> Iterator[str]:

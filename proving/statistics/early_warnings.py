@@ -22,7 +22,7 @@ from rig.engine.early_warning import EarlyWarnings
 from rig.examples import example
 from rig.procedures.plan.expected import Previous
 from rig.run_file.events.bench import Warned
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.runs.plans import load_plan, plan_of
 from rig.runs.previous import read_previous
 

@@ -21,7 +21,7 @@ from rig.procedures.general.of_runs import RunModels, models_of, roles_of_run
 from rig.procedures.general.trace import search_table
 from rig.procedures.tables.table import Table
 from rig.run_file.events.bench import Warned
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.tables import run_table
 
 HIDDEN: Mapping[str, str] = {

@@ -10,11 +10,11 @@ from rig.bench.config import BenchConfig, validated
 from rig.bench.contract_files import with_contracts
 from rig.bench.plugins import driver_class
 from rig.bench.protection import STATES
-from rig.bench.quantities import HEAD, PRESSURE
 from rig.drivers.errors import WrongAddress
 from rig.drivers.roles import Chamber, Head, PressureController, SelfChecking
 from rig.errors import ConfigurationError
 from rig.fitter.errors import FitError
+from rig.units.of_instruments import HEAD, PRESSURE
 
 NO_QUESTION = "nothing can be asked that tells whether somebody has changed its settings"
 """Of instruments whose drivers have no such question."""

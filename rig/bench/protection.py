@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from rig.bench.quantities import HEAD, PRESSURE
+from rig.units.of_instruments import HEAD, PRESSURE
 
 STATES = {"alarms": "empty", "running": "flag", "temperature_degC": "number", "setpoint_degC": "number"}
 """Quantities of a chamber that an interlock can watch, with their types."""

@@ -1,6 +1,6 @@
 """Limits of the scatter of readings: which quantities have one, and which of an observation is the noisiest.
 
-Quantities without a limit are compared with the run's own scatter, see `rig.run_file.own_scatter`.
+Quantities without a limit are compared with the run's own scatter, see `rig.run_file.state.own_scatter`.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rig.bench.config import BenchConfig
-from rig.bench.quantities import VOLT, per_volt
 from rig.procedures.column_names import unit_of
 from rig.procedures.plan.conduct import Conduct
+from rig.units.of_instruments import VOLT, per_volt
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from itertools import combinations
 
 from rig.bench.bench_file import of_reading
 from rig.bench.config import BenchConfig
-from rig.bench.quantities import per_volt, scale
 from rig.bench.scatter import declared_scatter
 from rig.drivers.person import Person
 from rig.procedures.column_names import spelled
 from rig.procedures.plan.conduct import Conduct
+from rig.units.of_instruments import per_volt, scale
 
 _ROUNDED = 1.0 + 1e-9
 

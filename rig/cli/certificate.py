@@ -16,7 +16,7 @@ from rig.cli.options import JsonOption
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode, UsageError
 from rig.procedures.column_names import split_unit, unit_of
-from rig.register.units import NOT_CELSIUS
+from rig.units.differences import NOT_CELSIUS
 
 if TYPE_CHECKING:
     from rig.dcc.reader import Quantity, Read

@@ -17,12 +17,12 @@ from rig.errors import ExitCode, UsageError
 from rig.files.regular import read_regular_text
 from rig.procedures.present.shell import shell_word
 from rig.run_file.chain import Record, encode
-from rig.run_file.corrections import correction
 from rig.run_file.events.event import EMPTY
 from rig.run_file.live import controller_alive
-from rig.run_file.reader import RunReader
-from rig.run_file.state import read_state
-from rig.run_file.writer import RunWriter
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.corrections import correction
+from rig.run_file.state.state import read_state
+from rig.run_file.write.writer import RunWriter
 from rig.runs.plans import stored_plan
 from rig.verbs.certificate.numbers_issued import numbers_issued
 from rig.verbs.certificate.request import SETTINGS

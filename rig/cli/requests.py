@@ -15,8 +15,8 @@ from rig.cli.show import err
 from rig.errors import ExitCode, RigError, UsageError
 from rig.procedures.present.shell import shell_word
 from rig.run_file.live import asked_by_hand, controller_alive, live_path, read_json, send_request
-from rig.run_file.reader import RunReader
-from rig.run_file.state import read_state
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import read_state
 from rig.who import operator
 
 

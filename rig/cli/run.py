@@ -40,8 +40,8 @@ from rig.procedures.present.shell import shell_word
 from rig.procedures.present.terminal import show
 from rig.procedures.present.visible import visible
 from rig.run_file.events.points import OVERSHOT, Observed
-from rig.run_file.reader import RunReader
-from rig.run_file.state import RunState, is_simulated, read_state
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import RunState, is_simulated, read_state
 from rig.runs.accepted import Acceptance
 from rig.runs.controller import Result, resume_run, start_run
 from rig.runs.plans import load_plan

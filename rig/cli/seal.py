@@ -45,8 +45,8 @@ def seal(
     """
     from rig.drivers.clock import RealClock  # noqa: PLC0415
     from rig.files.atomic import check_files, write_whole_bytes  # noqa: PLC0415
-    from rig.run_file.reader import RunReader  # noqa: PLC0415
-    from rig.run_file.verification import verify_file  # noqa: PLC0415
+    from rig.run_file.read.reader import RunReader  # noqa: PLC0415
+    from rig.run_file.verify.verification import verify_file  # noqa: PLC0415
     from rig.verbs.certificate.seal import Sealed, beside, hash_of, stamp, statement_to_stamp  # noqa: PLC0415
     from rig.verbs.certificate.seal import seal as sealed_by  # noqa: PLC0415
     from rig.who import operator  # noqa: PLC0415

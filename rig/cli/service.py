@@ -19,10 +19,10 @@ from rig.cli.unattended import facts_of
 from rig.errors import ExitCode, RigError, UsageError
 from rig.files.atomic import write_whole
 from rig.procedures.present.shell import shell_word
-from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.live import controller_alive
-from rig.run_file.reader import RunReader
-from rig.run_file.state import RunState
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.elsewhere import goes_on_in
+from rig.run_file.state.state import RunState
 from rig.unattended import RunFacts
 from rig.unattended.service import WATCHDOG_S, ServiceUnit, patience_s
 

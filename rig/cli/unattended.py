@@ -13,8 +13,8 @@ import typer
 
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError, ExitCode
-from rig.run_file.reader import RunReader
-from rig.run_file.state import RunState
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import RunState
 from rig.unattended import Listeners, Log, RunFacts, ServiceManager
 from rig.unattended.earlier import ended_without_a_word
 from rig.unattended.logs import LogFormat, default_log, file_writer, logged_by_journal, stderr_writer

@@ -16,11 +16,11 @@ from rig.cli.options import JsonOption, RunArgument
 from rig.cli.show import mark, out, print_json
 from rig.errors import ExitCode, RunFileError, UsageError
 from rig.procedures.present.shell import shell_word
-from rig.run_file.elsewhere import goes_on_in
-from rig.run_file.proven import Other
-from rig.run_file.reader import RunReader
-from rig.run_file.state import RunState, read_state
-from rig.run_file.verification import Verification, restored, verify_file
+from rig.run_file.damage.proven import Other
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.elsewhere import goes_on_in
+from rig.run_file.state.state import RunState, read_state
+from rig.run_file.verify.verification import Verification, restored, verify_file
 
 if TYPE_CHECKING:
     from rig.verbs.certificate.seal import Checked

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from rig.dcc.si_units import plain_unit
 from rig.errors import UsageError
 from rig.files.regular import open_regular
+from rig.units.si import plain_unit
 
 _MOST = 64 << 20
 

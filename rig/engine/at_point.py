@@ -13,7 +13,9 @@ from typing import Any
 
 from rig.bench.scatter import most_scatter, noisiest, without_limit
 from rig.engine.actions import BenchActions
-from rig.engine.by_hand import ByHand
+from rig.engine.by_hand.readings import ReadByHand
+from rig.engine.by_hand.settings import SetByHand
+from rig.engine.by_hand.steps import ByHand
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.failure_counts import Policies
 from rig.engine.fault_classes import (
@@ -32,8 +34,6 @@ from rig.engine.measuring import Observation
 from rig.engine.motion import NEARLY, Leg, plan_legs, recovery_legs
 from rig.engine.prepared_environment import commanded
 from rig.engine.queue import PointQueue
-from rig.engine.read_by_hand import ReadByHand
-from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
 from rig.engine.steering import Steering, overshot
 from rig.engine.wellness import Wellness
@@ -45,8 +45,8 @@ from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import ACCEPTED, CONTRADICTORY, REJECTED, Observed, readings_of
 from rig.run_file.events.sessions import Held
-from rig.run_file.lost_digits import LostDigits, lost_digit
-from rig.run_file.own_scatter import KEPT, OwnScatter
+from rig.run_file.state.lost_digits import LostDigits, lost_digit
+from rig.run_file.state.own_scatter import KEPT, OwnScatter
 
 _MOVE_TIMEOUT_S = 600.0
 _STRAY_SDS = 6.0

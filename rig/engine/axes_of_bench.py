@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from rig.bench.approach import Approach
-from rig.bench.quantities import PRESSURE_UNIT, TEMPERATURE_UNIT
 from rig.drivers.roles import Chamber, Instrument, PressureController, Source
 from rig.engine.axes import Axes, ChamberMover, HeadMover, Mover, PressureMover, SourceMover
 from rig.engine.hard_factors import held_factors, of_head
@@ -14,6 +13,7 @@ from rig.errors import ConfigurationError
 from rig.instruments.opening import Bench
 from rig.procedures.column_names import stem_of, unit_of
 from rig.procedures.plan.run_list import Factor, RunList
+from rig.units.of_instruments import PRESSURE_UNIT, TEMPERATURE_UNIT
 
 
 def axes_of(

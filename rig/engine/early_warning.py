@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rig.bench.quantities import PER_VOLT, per_volt
 from rig.engine.response_statistics import ResponseTest, Row
 from rig.engine.warning_statistics import ALARM, NoiseTest, Number, PreviousTest, RepeatTest, StillTest
 from rig.errors import RigError
@@ -29,7 +28,8 @@ from rig.procedures.plan.run_list import Point, RunList
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import EMPTY
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
+from rig.units.of_instruments import PER_VOLT, per_volt
 
 if TYPE_CHECKING:
     from rig.procedures.plan.expected import Previous

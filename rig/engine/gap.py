@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from rig.drivers.clock import Clock
-from rig.run_file.state import RunState
+from rig.run_file.state.state import RunState
 
 LONGEST_S = 366 * 86400.0
 """A longer gap by UTC means a wrong clock; a bench left alone for longer starts from the beginning anyway."""

@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from rig.bench.protection import InterlockConfig
-from rig.bench.quantities import PRESSURE
 from rig.drivers.roles import ChamberState
 from rig.engine.axes import CHAMBER_MARGIN_DEGC, AxisReading
 from rig.engine.fault_classes import ChamberAlarm, LimitViolation
@@ -19,6 +18,7 @@ from rig.engine.interlocks import Interlocks
 from rig.errors import ConfigurationError
 from rig.procedures.column_names import spelled, unit_of
 from rig.procedures.plan.run_list import RunList
+from rig.units.of_instruments import PRESSURE
 
 _RATE_MARGIN = 1.25
 """A rate may exceed its limit by this factor: it is the difference of two readings, each with noise and delay."""

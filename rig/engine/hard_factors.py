@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from rig.bench.quantities import HEAD_AXES, TEMPERATURE_UNIT
 from rig.drivers.roles import Head, PressureController, Source
 from rig.engine.motion import NEARLY, Arrival, Leg
 from rig.instruments.opening import Bench
 from rig.procedures.column_names import spelled, unit_of
 from rig.procedures.plan.run_list import Factor, Point, RunList, Settle
+from rig.units.of_instruments import HEAD_AXES, TEMPERATURE_UNIT
 
 
 def held_factors(bench: Bench, run_list: RunList) -> tuple[Factor, ...]:

@@ -21,8 +21,8 @@ from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, WholePlotBegan
 from rig.run_file.events.sessions import ClockSet, Ended, SessionBegan
 from rig.run_file.live import LiveState
-from rig.run_file.state import RunState
-from rig.run_file.writer import RunWriter
+from rig.run_file.state.state import RunState
+from rig.run_file.write.writer import RunWriter
 
 _SHOWN_S, _SHOWN = 1800.0, 120
 """Length of a settling quantity's trace in the live state: the last half hour, and a maximum number of samples."""

@@ -18,7 +18,6 @@ from math import exp, inf, log
 import numpy as np
 
 from rig.bench.config import FOLLOWS_S, BenchConfig
-from rig.bench.quantities import TEMPERATURE_UNIT
 from rig.procedures.column_names import unit_of
 from rig.procedures.plan.conduct import Conduct, SoakSettings
 from rig.procedures.plan.run_list import RunList
@@ -28,6 +27,7 @@ from rig.run_file.events.by_hand import AskedByHand
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import Held, SessionBegan, Stopped
+from rig.units.of_instruments import TEMPERATURE_UNIT
 
 AMBIENT_DEGC = 23.0
 """Temperature before the first soak of a run, degrees Celsius."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from rig.procedures.plan.hand_steps import next_step
 from rig.procedures.plan.run_list import Point, RunList
-from rig.run_file.state import RunState
+from rig.run_file.state.state import RunState
 
 
 class PointQueue:

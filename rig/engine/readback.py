@@ -12,7 +12,7 @@ from itertools import pairwise
 from math import inf, isfinite
 from statistics import median
 
-from rig.run_file.own_scatter import last_digit
+from rig.run_file.state.own_scatter import last_digit
 
 HANGS_S = 60.0
 """Seconds of equal readings from which a chamber that should move hangs."""

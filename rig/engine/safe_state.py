@@ -12,12 +12,12 @@ from collections.abc import Collection
 from typing import Any
 
 from rig.bench.protection import SafetyConfig
-from rig.bench.quantities import PRESSURE
 from rig.drivers.clock import Clock
 from rig.drivers.roles import Chamber, Head, Instrument, PressureController, Reader, Source
 from rig.instruments.opening import Bench
 from rig.run_file.events.bench import MadeSafe
 from rig.run_file.events.event import EMPTY
+from rig.units.of_instruments import PRESSURE
 
 _POLL_S = 0.5
 _LONGEST_POLL_S = 5.0

@@ -17,7 +17,9 @@ from rig.drivers.errors import DriverError
 from rig.engine.actions import BenchActions
 from rig.engine.at_point import AtPoint
 from rig.engine.axes_of_bench import axes_of, own_limits
-from rig.engine.by_hand import ByHand
+from rig.engine.by_hand.readings import ReadByHand
+from rig.engine.by_hand.settings import SetByHand
+from rig.engine.by_hand.steps import ByHand
 from rig.engine.deciding import Deciding
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.failure_counts import Policies
@@ -33,10 +35,8 @@ from rig.engine.pace import Pace
 from rig.engine.parking import Parking
 from rig.engine.prepared_environment import PreparedEnvironment
 from rig.engine.queue import PointQueue
-from rig.engine.read_by_hand import ReadByHand
 from rig.engine.safe_state import make_safe
 from rig.engine.session import Outcome, Progress, Session, Signals
-from rig.engine.set_by_hand import SetByHand
 from rig.engine.soaking import Soaking
 from rig.engine.states import AT_POINT, FINAL, Moves, State
 from rig.engine.steered import Steered
@@ -52,8 +52,8 @@ from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import Skipped
 from rig.run_file.events.sessions import Ended, Held, Interruption, Parked, Stopped
 from rig.run_file.live import Requests
-from rig.run_file.state import RunState
-from rig.run_file.writer import RunWriter
+from rig.run_file.state.state import RunState
+from rig.run_file.write.writer import RunWriter
 
 if TYPE_CHECKING:
     from rig.procedures.plan.expected import Previous

@@ -11,12 +11,12 @@ from typing import Any, NoReturn
 from rig.drivers.clock import Clock
 from rig.engine.actions import BenchActions
 from rig.engine.axes import AxisReading
+from rig.engine.by_hand.settings import SetByHand
 from rig.engine.fault_classes import NotSettled, TemperatureLeft, TemperaturesNotSettled
 from rig.engine.hard_factors import HardFactors
 from rig.engine.journal import Journal
 from rig.engine.measuring import Channel
 from rig.engine.queue import PointQueue
-from rig.engine.set_by_hand import SetByHand
 from rig.engine.whole_plots import WholePlots, without_power
 from rig.instruments.opening import Bench
 from rig.procedures.plan.conduct import Conduct

@@ -13,8 +13,8 @@ from rig.procedures.plan.conduct import Conduct
 from rig.procedures.plan.hand_steps import ALLOWANCE_H
 from rig.procedures.plan.run_list import RunList
 from rig.run_file.chain import Record
-from rig.run_file.reader import RunReader
-from rig.run_file.state import RunState
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import RunState
 
 LAST_POINTS = 200
 """Number of the last points from which the duration of a point is estimated."""

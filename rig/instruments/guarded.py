@@ -13,9 +13,9 @@ from functools import cache
 from operator import attrgetter
 from typing import Any
 
-from rig.bench.quantities import PRESSURE
 from rig.drivers.roles import Chamber, Head, Instrument, PressureController, Source, plays
 from rig.errors import BenchFault
+from rig.units.of_instruments import PRESSURE
 
 Limits = Mapping[str, tuple[float, float]]
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from rig.bench.bench_file import of_reading
 from rig.bench.plugins import driver_class
-from rig.bench.quantities import PER, TEMPERATURE_UNIT, VOLT, per_volt, scale
 from rig.drivers.errors import BadReply, DriverError, NoReply, Unreachable
 from rig.drivers.roles import (
     ByHand,
@@ -26,6 +25,7 @@ from rig.errors import BenchFault, ConfigurationError
 from rig.instruments.baths import Bath
 from rig.instruments.guarded import guarded
 from rig.procedures.column_names import unit_of
+from rig.units.of_instruments import PER, TEMPERATURE_UNIT, VOLT, per_volt, scale
 
 if TYPE_CHECKING:
     from pydantic import BaseModel

@@ -6,10 +6,10 @@ from collections.abc import Collection, Iterator
 from datetime import date
 
 from rig.bench.config import PLACES, BenchConfig, InstrumentConfig, ReferenceConfig, TemperatureConfig
-from rig.bench.quantities import TEMPERATURE_UNIT
 from rig.errors import ConfigurationError
 from rig.procedures.column_names import unit_of
 from rig.register.schema import Register
+from rig.units.of_instruments import TEMPERATURE_UNIT
 
 Entry = InstrumentConfig | ReferenceConfig | TemperatureConfig
 

@@ -9,7 +9,7 @@ from scipy import special
 
 from rig.errors import ConfigurationError, UsageError
 from rig.register.schema import Drift, Register
-from rig.register.units import factor
+from rig.units.differences import factor
 
 _K = float(special.ndtri(0.975))
 

@@ -11,11 +11,11 @@ from itertools import pairwise
 from typing import Literal
 
 from rig.dcc.reader import Number, Quantity, Read
-from rig.dcc.si_units import ratio
 from rig.errors import UsageError
 from rig.files.toml_text import toml_text
 from rig.procedures.column_names import stem_of, unit_of
-from rig.register.units import factor
+from rig.units.differences import factor
+from rig.units.si import ratio
 
 _ZERO_CELSIUS_K = 273.15
 _ONE_SIGMA = 0.6827

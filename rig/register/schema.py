@@ -15,7 +15,7 @@ from pydantic import Field, model_validator
 from rig.procedures.column_names import spelled, split_unit, stem_of, unit_of
 from rig.procedures.evaluate.stated import BEHAVIOURS, Behaviour, Distribution
 from rig.procedures.plan.settings import Name, Strict
-from rig.register.units import NOT_CELSIUS, factor, relative
+from rig.units.differences import NOT_CELSIUS, factor, relative
 
 Polynomial = Annotated[tuple[float, ...], Field(min_length=1, max_length=12)]
 Amount = Annotated[float, Field(ge=0)]

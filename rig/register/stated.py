@@ -13,7 +13,6 @@ from scipy import special
 
 from rig.bench.bench_file import playing
 from rig.bench.config import BenchConfig
-from rig.bench.quantities import HEAD, TEMPERATURE_UNIT, VOLT, scale
 from rig.drivers.roles import Head
 from rig.errors import ConfigurationError
 from rig.fitter.arrays import FloatArray
@@ -24,7 +23,8 @@ from rig.register.check import entries
 from rig.register.computed import computed_from
 from rig.register.drift import drifted
 from rig.register.schema import PLACE_UNITS, Equipment, Polynomial, Register, Statement, Uncertain
-from rig.register.units import factor, relative
+from rig.units.differences import factor, relative
+from rig.units.of_instruments import HEAD, TEMPERATURE_UNIT, VOLT, scale
 
 _T_FROM = 0.05
 _WIDTHS: Mapping[Distribution, float] = {"rectangular": sqrt(3.0), "triangular": sqrt(6.0), "arcsine": sqrt(2.0)}

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rig.bench.config import ROOM, BenchConfig
-from rig.bench.quantities import TEMPERATURE_UNIT
 from rig.errors import ConfigurationError
 from rig.fitter.arrays import FloatArray
 from rig.procedures.column_names import spelled, stem_of, unit_of
@@ -20,7 +19,8 @@ from rig.procedures.plan.hand_steps import Made
 from rig.procedures.tables.table import Columns
 from rig.register.check import entries
 from rig.register.schema import PERCENT, Register
-from rig.register.units import factor
+from rig.units.differences import factor
+from rig.units.of_instruments import TEMPERATURE_UNIT
 
 _SLACK = 1e-3
 """Share of the range that readings may go beyond it: as for the ranges of certificates."""

@@ -1,4 +1,4 @@
-"""Rescued copies beside a run file (`rig.run_file.rescue`)."""
+"""Rescued copies beside a run file (`rig.run_file.write.rescue`)."""
 
 from __future__ import annotations
 

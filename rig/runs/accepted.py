@@ -14,7 +14,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.kind import Procedure
 from rig.procedures.kinds import kind_of
 from rig.procedures.present.blocks import Block, Line
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.runs.plans import has_plan, stored_plan
 
 if TYPE_CHECKING:

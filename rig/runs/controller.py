@@ -36,12 +36,12 @@ from rig.instruments.person import ServedBench
 from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT
 from rig.run_file.bodies import COUNT
-from rig.run_file.creation import Genesis, create
-from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.live import controller_alive, live_path, read_json
-from rig.run_file.reader import RunReader
-from rig.run_file.state import RunState, fold
-from rig.run_file.writer import RunWriter
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.elsewhere import goes_on_in
+from rig.run_file.state.state import RunState, fold
+from rig.run_file.write.creation import Genesis, create
+from rig.run_file.write.writer import RunWriter
 from rig.runs.plans import PREVIOUS, Plan, stored_plan
 from rig.version import versions
 from rig.who import Operator, operator

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 from rig.bench.bench_file import playing
 from rig.bench.config import FOLLOWS_S, BenchConfig
 from rig.bench.plugins import driver_class
-from rig.bench.quantities import TEMPERATURE_UNIT
 from rig.drivers.roles import Chamber, Source
 from rig.engine.pace import Pace, follows_s
 from rig.engine.session import Outcome, Progress, Signals
@@ -28,9 +27,10 @@ from rig.procedures.column_names import unit_of
 from rig.procedures.plan.hand_steps import ALLOWANCE_H, HandStep
 from rig.procedures.plan.run_list import RunList
 from rig.run_file.events.points import Observed, WholePlotBegan
-from rig.run_file.reader import RunReader
-from rig.run_file.unsynced import unsynced
+from rig.run_file.read.reader import RunReader
+from rig.run_file.write.unsynced import unsynced
 from rig.runs.controller import Result, Site, opened, start_run
+from rig.units.of_instruments import TEMPERATURE_UNIT
 
 if TYPE_CHECKING:
     from rig.drivers.clock import Clock

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from rig.bench.approach import Approach
 from rig.bench.bench_file import playing
-from rig.bench.quantities import ATMOSPHERE_PSIA, HEAD, PRESSURE_UNIT, TEMPERATURE_UNIT
 from rig.drivers.roles import ByHand, Chamber, Head, PressureController, Source
 from rig.engine.guard import Guard
 from rig.engine.whole_plots import renewal
 from rig.errors import ConfigurationError
 from rig.procedures.column_names import stem_of, unit_of
+from rig.units.of_instruments import ATMOSPHERE_PSIA, HEAD, PRESSURE_UNIT, TEMPERATURE_UNIT
 
 if TYPE_CHECKING:
     from rig.bench.config import BenchConfig

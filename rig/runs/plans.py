@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
 
     from rig.procedures.plan.run_list import RunList
-    from rig.run_file.reader import RunReader
+    from rig.run_file.read.reader import RunReader
 
 PREVIOUS = "previous.json"
 """Name of the run file's document with the last calibration, if the procedure names one."""

@@ -12,7 +12,7 @@ from rig.files.atomic import write_whole
 from rig.files.regular import open_regular
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 COLUMNS = (
     "elapsed_s",

@@ -14,7 +14,7 @@ from rig.procedures.column_names import read_at
 from rig.run_file.chain import Record
 from rig.run_file.events.by_hand import ReadByHand
 from rig.run_file.events.points import Observed
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 _SHARE = 0.01
 """Part of the time between rows from which on a difference has a column: shorter lags than half that time are not

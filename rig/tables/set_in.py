@@ -14,7 +14,7 @@ import numpy as np
 from rig.bench.approach import along
 from rig.procedures.column_names import moves_of, stem_of, with_word
 from rig.procedures.plan.run_list import RunList
-from rig.run_file.documents import Stored
+from rig.run_file.state.documents import Stored
 
 _DIGITS = 4
 """Digits of a nominal value."""

@@ -25,15 +25,15 @@ from rig.procedures.present.shell import shell_word
 from rig.procedures.tables.table import CORRECTED, SENSOR_TEMPERATURE, Columns, Table
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
-from rig.run_file.corrections import Corrections
-from rig.run_file.documents import Stored, declared_model, kind_of_run, mounting_of
 from rig.run_file.events.bench import Warned
 from rig.run_file.events.by_hand import DoneByHand, SetByHand
 from rig.run_file.events.corrections import Corrected
 from rig.run_file.events.points import DOUBTED, Observed, Skipped, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, SessionBegan
-from rig.run_file.reader import RunReader
-from rig.run_file.state import read_state
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.corrections import Corrections
+from rig.run_file.state.documents import Stored, declared_model, kind_of_run, mounting_of
+from rig.run_file.state.state import read_state
 from rig.tables.evidence import evidence_of, fill_flags
 from rig.tables.own_times import keep_those_that_differ, own_times, typed_in
 from rig.tables.set_in import put_in_place, setters_of

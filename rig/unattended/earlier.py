@@ -7,7 +7,7 @@ from rig.run_file.events.corrections import Corrected
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import Observed
 from rig.run_file.events.sessions import Parked, RunCreated
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 _LOOK_BACK = 20
 

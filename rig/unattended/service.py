@@ -11,10 +11,10 @@ from pathlib import Path
 
 from rig.bench.bench_file import check_options
 from rig.bench.config import BenchConfig
-from rig.bench.quantities import ATMOSPHERE_PSIA
 from rig.drivers.wires.addresses import CanAddress, parse_address
 from rig.drivers.wires.visa_address import VisaAddress
 from rig.errors import ExitCode, UsageError
+from rig.units.of_instruments import ATMOSPHERE_PSIA
 
 WATCHDOG_S = 900.0
 """Seconds without a sign of life after which the controller counts as hanging. Its longest normal silence is while a

@@ -15,7 +15,7 @@ from rig.procedures.evaluate.results import Page
 from rig.procedures.present.pictures import png
 from rig.procedures.present.words import incomplete
 from rig.procedures.tables.table import CORRECTED
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 _HERE = "rig.verbs"
 

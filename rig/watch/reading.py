@@ -10,7 +10,7 @@ from rig.procedures.plan.run_list import Factor
 from rig.run_file.bodies import NUMBER, ContentsError
 from rig.run_file.chain import Record
 from rig.run_file.events.points import Observed
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 BATCH = 20_000
 """Records per read: a long run is read in many short transactions."""

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from rig.bench.quantities import per_volt
 from rig.fitter.arrays import FloatArray
 from rig.fitter.errors import FitError
 from rig.procedures.column_names import spelled, unit_of
 from rig.procedures.plan.expected import Previous
+from rig.units.of_instruments import per_volt
 from rig.watch.against import columns_of, model_columns
 from rig.watch.reading import ShownObservation
 

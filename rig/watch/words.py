@@ -11,7 +11,7 @@ from rig.procedures.plan.run_list import Factor
 from rig.procedures.present.shell import shell_word
 from rig.run_file.bodies import NUMBER
 from rig.run_file.live import asked_by_hand, done_command
-from rig.run_file.state import RunState
+from rig.run_file.state.state import RunState
 
 _DOING = {
     "ready": "starting",

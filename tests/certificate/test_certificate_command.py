@@ -19,14 +19,14 @@ from dry import SHORT, dry
 from general_lab import BENCH, CHAMBER, PROCEDURE, WORLD, run_dry
 
 from rig.dcc.reader import read_dcc
-from rig.dcc.si_units import per_term
 from rig.engine.session import Outcome
 from rig.errors import ConfigurationError, UsageError
 from rig.fitter.rounding import rounded
 from rig.fitter.trace.outcome import Finding
 from rig.procedures.plan import hand_steps
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.tables import run_table
+from rig.units.si import per_term
 from rig.verbs.budget.evaluation import checked_run
 from rig.verbs.budget.result import budget
 from rig.verbs.certificate.about import equipment, steps_by_hand

@@ -15,8 +15,8 @@ import pytest
 from sample_certificate import amended, document
 
 from rig.dcc.reader import parsed, read_dcc
-from rig.dcc.si_units import plain_unit, si_unit
 from rig.errors import UsageError
+from rig.units.si import plain_unit, si_unit
 from rig.verbs.certificate.as_dcc import dcc
 
 NOW = datetime(2026, 11, 24, tzinfo=UTC)

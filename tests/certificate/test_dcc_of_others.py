@@ -13,10 +13,10 @@ from test_dcc import LIST, keys, others  # noqa: F401 - a fixture
 from rig.cli import app  # noqa: F401 - commands are registered
 from rig.cli.certificate import _padded
 from rig.dcc.reader import parsed
-from rig.dcc.si_units import ratio
 from rig.errors import UsageError
 from rig.register import parse_register
 from rig.register.from_dcc import Wanted, equipment_text
+from rig.units.si import ratio
 from rig.verbs.certificate.as_dcc import dcc
 from rig.verbs.infer import read_calibration
 

@@ -12,8 +12,8 @@ from rig.bench.config import parse_bench
 from rig.errors import ConfigurationError, UsageError
 from rig.register import DOCUMENT, check_register, check_validity, parse_register, register_of
 from rig.register.schema import Certificate, Constant, Equipment, Laboratory, Register, SensorItem, Statement
-from rig.register.units import factor
 from rig.runs.plans import load_plan
+from rig.units.differences import factor
 
 ROOT = Path(__file__).parents[2]
 GOOD = re.findall(r"```toml register\n(.*?)```", (ROOT / "docs" / "how_to" / "register.md").read_text(), re.DOTALL)[0]

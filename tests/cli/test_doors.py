@@ -25,7 +25,7 @@ from rig.fitter.arithmetic_text import FormulaError
 from rig.fitter.formula import Formula
 from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.runs.controller import opened
 from rig.runs.plans import plan_of
 from rig.sims.faults import read_faults

@@ -24,9 +24,9 @@ from proving.doors.attack import DOORS, Found, Material, attack
 from rig.bench.config import parse_bench, parse_procedure
 from rig.errors import ConfigurationError, ExitCode, RigError, RunFileError, UsageError
 from rig.examples import example
-from rig.run_file.reader import RunReader
-from rig.run_file.state import read_state
-from rig.run_file.verification import verify_file
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import read_state
+from rig.run_file.verify.verification import verify_file
 from rig.runs.plans import plan_of
 from rig.tables import read_any_csv, run_table
 from rig.tables.csv_files import read_csv

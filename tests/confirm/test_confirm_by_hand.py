@@ -21,7 +21,7 @@ from rig.procedures.attitude.together import AttitudeTogether
 from rig.procedures.attitude.trace import trace
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.run_file.events.by_hand import DoneByHand
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.verbs.confirm import judge, open_traced
 
 DAY_S = 86400.0

@@ -13,7 +13,7 @@ from dry import LAB, SHORT, dry, write_short
 from rig.bench.bench_file import check_options
 from rig.bench.contract_files import read_bench
 from rig.errors import ConfigurationError
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.runs.plans import load_plan, plan_of, stored_plan
 from rig.unattended.doctor.instruments import check_twins
 from rig.verbs.page import story

@@ -9,7 +9,7 @@ from buses import oven
 from dry import LAB, dry
 
 from rig.drivers.errors import BadReply, NotReady
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.simulated.dry_run import DryBench
 
 REGISTERS = {"event_1": 16594, "event_4": 16600, "event_8": 16828, "key_2": 6864}

@@ -24,7 +24,7 @@ from test_policies import in_an_enclosure
 from rig.drivers.errors import NoReply
 from rig.engine.early_warning import EarlyWarnings, Warned
 from rig.engine.session import Outcome
-from rig.run_file.writer import RunWriter
+from rig.run_file.write.writer import RunWriter
 
 
 def test_an_observation_says_how_the_point_was_reached_read_and_found(tmp_path):

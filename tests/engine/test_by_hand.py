@@ -17,16 +17,16 @@ from ideal_bench import new_run, run_session
 from pydantic import ValidationError
 
 import rig
-from rig.engine.by_hand import ByHand
+from rig.engine.by_hand.steps import ByHand
 from rig.engine.session import Outcome, Progress, Signals
 from rig.procedures.plan.fault_policies import ABORT
 from rig.procedures.plan.hand_steps import HandStep
 from rig.procedures.present.blocks import Line
 from rig.run_file.events.by_hand import AskedByHand, DoneByHand
 from rig.run_file.live import live_path, read_json, request_path
-from rig.run_file.reader import RunReader
-from rig.run_file.sense import judged
-from rig.run_file.state import read_state
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import read_state
+from rig.run_file.verify.sense import judged
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.sims.physics import Plant

@@ -17,9 +17,9 @@ from rig.bench.config import parse_bench
 from rig.drivers.scpi_learned import PrintedForm, same_unit, unit_after
 from rig.engine.session import Outcome, Signals
 from rig.instruments.opening import open_bench
-from rig.run_file.lost_digits import lost_digit
-from rig.run_file.reader import RunReader
-from rig.run_file.sense import judged
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.lost_digits import lost_digit
+from rig.run_file.verify.sense import judged
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.simulated.dry_run import DryBench

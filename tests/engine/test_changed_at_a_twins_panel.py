@@ -17,8 +17,8 @@ from dry_pressure import SHORT as PRESSURES
 from few_points import accepted, records
 
 from rig.engine.session import Outcome, Signals
-from rig.run_file.reader import RunReader
-from rig.run_file.sense import judged
+from rig.run_file.read.reader import RunReader
+from rig.run_file.verify.sense import judged
 from rig.runs.controller import start_run
 from rig.runs.plans import load_plan
 from rig.simulated import dry_run

@@ -16,9 +16,9 @@ from rig.cli.commands import app
 from rig.engine.actions import BenchActions
 from rig.engine.measuring import Channel
 from rig.engine.session import Outcome
-from rig.run_file.own_scatter import ALARM, FEWEST, LOOK_BACK, Contradiction, OwnScatter
-from rig.run_file.reader import RunReader
-from rig.run_file.sense import judged
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.own_scatter import ALARM, FEWEST, LOOK_BACK, Contradiction, OwnScatter
+from rig.run_file.verify.sense import judged
 from rig.tables import FileForm, read_any_csv, run_table
 from rig.tables.csv_files import read_csv
 from rig.verbs.plan.result import plan

@@ -12,7 +12,7 @@ import pytest
 from dry import LAB, SHORT, dry, fingerprint, write_short
 
 from rig.engine.session import Outcome, Signals
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.tables import run_table

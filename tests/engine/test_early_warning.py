@@ -22,7 +22,7 @@ from rig.engine.warning_statistics import NoiseTest, Number, PreviousTest, Repea
 from rig.examples import example
 from rig.procedures.attitude.settings import PitchRollProcedure
 from rig.procedures.general.settings import GeneralProcedure
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 LAB = example("attitude-lab")
 

@@ -22,7 +22,7 @@ from rig.cli.status import check_code
 from rig.drivers.roles import Chamber, ChamberState, PressureController, PressureState, Reader, Source, SourceState
 from rig.engine.safe_state import outputs_on
 from rig.run_file.events.bench import MadeSafe
-from rig.run_file.state import RunState
+from rig.run_file.state.state import RunState
 
 RUN = (sys.executable, "-m", "rig", "run", "procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml")
 

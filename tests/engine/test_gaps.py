@@ -17,9 +17,9 @@ from rig.engine.gap import gap_since
 from rig.engine.sequencer import Sequencer
 from rig.engine.session import Outcome, Session, Signals
 from rig.run_file.chain import Record, encode
-from rig.run_file.reader import RunReader
-from rig.run_file.state import RunState, fold
-from rig.run_file.writer import RunWriter
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import RunState, fold
+from rig.run_file.write.writer import RunWriter
 from rig.sims.world import World
 
 DAY, YEAR = 86400.0, 365.25 * 86400.0

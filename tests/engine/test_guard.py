@@ -24,8 +24,8 @@ from rig.examples import example
 from rig.instruments.guarded import Refused, guarded
 from rig.instruments.locks import holders, locked_addresses, wire_of
 from rig.instruments.opening import driver_class, open_bench
-from rig.run_file.reader import RunReader
-from rig.run_file.writer import RunWriter
+from rig.run_file.read.reader import RunReader
+from rig.run_file.write.writer import RunWriter
 from rig.sims.world import World
 from rig.simulated.dry_run import DryBench
 

@@ -19,8 +19,8 @@ from rig.engine.session import Outcome
 from rig.errors import ConfigurationError
 from rig.run_file.events.bench import Fault
 from rig.run_file.events.points import WholePlotBegan, WholePlotLost
-from rig.run_file.reader import RunReader
-from rig.run_file.sense import judged
+from rig.run_file.read.reader import RunReader
+from rig.run_file.verify.sense import judged
 from rig.runs.plans import load_plan
 from rig.tables import run_table
 

@@ -21,8 +21,8 @@ from rig.procedures.plan.run_list import Factor
 from rig.run_file.events.bench import Fault
 from rig.run_file.events.by_hand import AskedToSet
 from rig.run_file.events.points import WholePlotBegan, WholePlotLost
-from rig.run_file.reader import RunReader
-from rig.run_file.sense import judged
+from rig.run_file.read.reader import RunReader
+from rig.run_file.verify.sense import judged
 from rig.runs.controller import resume_run
 from rig.tables import run_table
 

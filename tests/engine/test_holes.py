@@ -13,7 +13,7 @@ from ideal_pressure_bench import run_session as run_pressure_session
 
 from rig.engine.holes import HOLE_S, WatchedClock
 from rig.engine.session import Outcome
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.sims.world import World
 
 

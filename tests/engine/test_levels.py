@@ -17,7 +17,7 @@ from rig.engine.steered import Steered
 from rig.engine.steering import _next
 from rig.errors import ConfigurationError
 from rig.procedures.plan.run_list import Factor
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.tables.table_of_run import run_table
 
 TABLE = "approach = [[0, 0], [2, 0.95], [5, 2.2], [10, 3.8]]"

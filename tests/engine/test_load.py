@@ -23,11 +23,11 @@ from rig.procedures.attitude.settings import PitchRollProcedure
 from rig.procedures.plan.run_list import Factor, Point, RunList, rows_sha256
 from rig.procedures.pressure.settings import WholePlotProcedure
 from rig.run_file.chain import GENESIS, Record, followed, link
-from rig.run_file.creation import Genesis, create
-from rig.run_file.indexes import IndexCounts, IndexSet
-from rig.run_file.reader import RunReader
-from rig.run_file.state import RunState, fold
-from rig.run_file.writer import RunWriter
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.indexes import IndexCounts, IndexSet
+from rig.run_file.state.state import RunState, fold
+from rig.run_file.write.creation import Genesis, create
+from rig.run_file.write.writer import RunWriter
 
 
 def long_procedure(points: int) -> PitchRollProcedure:

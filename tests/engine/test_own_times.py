@@ -25,7 +25,7 @@ from rig.procedures.general.effects.time_columns import lagging
 from rig.procedures.general.trace import search_table
 from rig.procedures.general.trace.estimate import estimate
 from rig.procedures.tables.table import Table
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.tables.csv_files import read_csv
 from rig.tables.own_times import keep_those_that_differ, own_times
 from rig.tables.table_of_run import run_table

@@ -28,7 +28,7 @@ from rig.procedures.attitude.settings import PitchRollProcedure
 from rig.procedures.plan.fault_policies import HeadFaults, Step, step_at
 from rig.procedures.present.words import incomplete
 from rig.procedures.pressure.settings import WholePlotFaults
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.simulated.dry_run import DryBench
 from rig.tables import run_table
 from rig.verbs.page import story

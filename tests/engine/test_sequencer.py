@@ -13,7 +13,7 @@ from rig.drivers.errors import InstrumentError, NoReply
 from rig.engine.session import Outcome, Signals
 from rig.engine.states import TRANSITIONS, Moves, State, machine
 from rig.errors import ExitCode, NotSafe, StorageError
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 POINTS = 18
 
@@ -429,7 +429,7 @@ def test_a_limit_passed_by_a_readback_ends_safe(tmp_path):
 
 def test_a_disk_that_refuses_stops_the_run_safe_with_everything_before_it(tmp_path, monkeypatch):
     path = new_run(tmp_path)
-    commit = __import__("rig.run_file.writer", fromlist=["RunWriter"]).RunWriter.commit
+    commit = __import__("rig.run_file.write.writer", fromlist=["RunWriter"]).RunWriter.commit
     calls = itertools.count()
 
     def full(self):
@@ -437,7 +437,7 @@ def test_a_disk_that_refuses_stops_the_run_safe_with_everything_before_it(tmp_pa
             raise StorageError("cannot write: disk full. Free space, then: rig resume")
         commit(self)
 
-    monkeypatch.setattr("rig.run_file.writer.RunWriter.commit", full)
+    monkeypatch.setattr("rig.run_file.write.writer.RunWriter.commit", full)
     outcome, _, head, message = run_session(path)
     monkeypatch.undo()
     assert outcome is Outcome.FAULT

@@ -90,7 +90,7 @@ def test_time_left_of_whole_plots_from_the_first_to_the_last(pressure: Plan, tmp
 def test_a_rehearsal_waits_for_no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody keeps its run file. SQLite asks for a sync at every commit all the same, so no other part changes."""
     asked: list[int] = []
-    monkeypatch.setattr("rig.run_file.unsynced._File.xSync", lambda _, flags: asked.append(flags))
+    monkeypatch.setattr("rig.run_file.write.unsynced._File.xSync", lambda _, flags: asked.append(flags))
     monkeypatch.setattr("os.fsync", lambda _: pytest.fail("a folder or a file was synced"))
     plan = load_plan(example("attitude-lab") / "procedure.toml", example("attitude-lab") / "bench.toml", dry=True)
     forecast = rehearse(plan, lambda _: None, points=5)

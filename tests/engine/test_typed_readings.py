@@ -27,13 +27,13 @@ from test_by_hand import Answers
 
 from rig.bench.config import parse_bench, parse_procedure
 from rig.bench.typed import TypedColumn, typed_columns
-from rig.engine.read_by_hand import ReadByHand
+from rig.engine.by_hand.readings import ReadByHand
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.run_file.events.points import Observed
-from rig.run_file.reader import RunReader
-from rig.run_file.sense import judged
-from rig.run_file.state import read_state
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import read_state
+from rig.run_file.verify.sense import judged
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.sims.serve import Hands

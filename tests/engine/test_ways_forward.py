@@ -16,11 +16,11 @@ from small_run import write_small
 from rig.engine.session import Outcome, Signals
 from rig.engine.time_left import typical_s
 from rig.errors import ConfigurationError
-from rig.run_file.creation import Genesis, create
 from rig.run_file.last_word import head_path
 from rig.run_file.live import replace_json, request_path
-from rig.run_file.reader import RunReader
-from rig.run_file.writer import RunWriter
+from rig.run_file.read.reader import RunReader
+from rig.run_file.write.creation import Genesis, create
+from rig.run_file.write.writer import RunWriter
 from rig.runs.plans import load_plan, stored_plan
 from rig.version import versions
 

@@ -11,7 +11,7 @@ from ideal_pressure_bench import EACH, IN_ALL, PROCEDURE, PressureBench, new_run
 
 from rig.drivers.errors import NoReply
 from rig.engine.session import Outcome, Signals
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 
 class Killed(BaseException):

@@ -24,7 +24,7 @@ NAMES = frozenset({"pitch-roll", "whole-plot", "general"})
 _CONTROLLER = "the role of a pressure controller, and of the line it fills"
 EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     "verbs/plan/unit_doubts.py": ({"mv"}, "units that a misspelt one may be meant for"),
-    "dcc/si_units.py": ({"psia"}, "units that convert to those of the SI"),
+    "units/si.py": ({"psia"}, "units that convert to those of the SI"),
     "verbs/data/of_table.py": ({"general"}, "a table without a run file is one of any laboratory"),
     "cli/demo.py": ({"attitude", "transducers"}, "the two example laboratories, and what is in them"),
     "bench/config.py": ({"sse"}, "a bench file's units of outputs and places of thermometers"),
@@ -34,10 +34,13 @@ EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     "instruments/guarded.py": ({"psia"}, _CONTROLLER),
     "runs/matching.py": ({"psia"}, _CONTROLLER),
     "bench/protection.py": ({"psia"}, _CONTROLLER),
-    "bench/quantities.py": ({"pitch", "roll", "psia", "mv"}, "what the roles of instruments set, and units of outputs"),
-    "register/units.py": ({"psia"}, "units that convert"),
+    "units/of_instruments.py": (
+        {"pitch", "roll", "psia", "mv"},
+        "what the roles of instruments set, and units of outputs",
+    ),
+    "units/differences.py": ({"psia"}, "units that convert"),
     "run_file/events/points.py": ({"whole-plot"}, "a status in run files, of runs with hard-to-change factors"),
-    "run_file/sense/instruments.py": (
+    "run_file/verify/sense/instruments.py": (
         {"psia"},
         "units of scanners' outputs, and the role of a pressure controller",
     ),

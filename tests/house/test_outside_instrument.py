@@ -21,7 +21,7 @@ from rig.bench.contract_files import read_bench
 from rig.errors import BusyError
 from rig.instruments.locks import locked_addresses
 from rig.reference import document
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 SEED = 17
 """A night in which the outside meter's oven goes cold while it measures."""

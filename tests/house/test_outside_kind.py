@@ -19,8 +19,8 @@ import pytest
 from command import Done, in_its_own_process, rig
 
 from rig.procedures.kind import Kind
-from rig.run_file.documents import declared_model
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.documents import declared_model
 
 TILT = outside_package.SOURCE / "acme_rig" / "tilt"
 DOCUMENT = (outside_package.SOURCE.parent.parent / "docs" / "how_to" / "kinds.md").read_text(encoding="utf-8")

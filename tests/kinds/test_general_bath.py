@@ -14,9 +14,9 @@ from proving.forger import forge
 from rig.bench.config import parse_bench
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError, RigError
-from rig.run_file.reader import RunReader
-from rig.run_file.sense import judged
-from rig.run_file.verification import verify_file
+from rig.run_file.read.reader import RunReader
+from rig.run_file.verify.sense import judged
+from rig.run_file.verify.verification import verify_file
 from rig.runs.controller import start_run
 from rig.runs.forecast import rehearse
 from rig.runs.plans import load_plan

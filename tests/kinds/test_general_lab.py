@@ -18,20 +18,20 @@ from few_points import Killed, kill_where, records
 from general_lab import BENCH, PROCEDURE, REFERENCE, WORLD, WORLD_WITH_STANDARD, run_dry, written
 
 from rig.bench.config import parse_bench, parse_procedure
-from rig.bench.quantities import scale
+from rig.engine.by_hand.settings import ToSet
 from rig.engine.session import Outcome, Signals
-from rig.engine.set_by_hand import ToSet
 from rig.errors import ConfigurationError
 from rig.procedures.general.orders import sides, visits
 from rig.procedures.general.planning import advice
 from rig.run_file.live import live_path, read_json, request_path
-from rig.run_file.reader import RunReader
-from rig.run_file.sense import judged
+from rig.run_file.read.reader import RunReader
+from rig.run_file.verify.sense import judged
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.sims.physics.expression import Formula
 from rig.sims.physics.fields import WorldError
 from rig.tables import run_table
+from rig.units.of_instruments import scale
 from rig.verbs.plan.unit_doubts import unit_doubts
 
 TWO = f"""name = "two"

@@ -18,7 +18,7 @@ from rig.procedures.kinds import kind_of_table
 from rig.procedures.pressure import settings as whole_plot
 from rig.procedures.pressure.fitted import fit_whole_plots
 from rig.procedures.pressure.table import whole_plot_data
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.runs.accepted import judge
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan

@@ -10,7 +10,7 @@ from proving.night.checks import INVARIANTS
 from proving.night.judged import Night
 from proving.night.play import play
 from proving.night.scenario import LABS, draw
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 SEED = 503
 

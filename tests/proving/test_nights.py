@@ -14,7 +14,7 @@ from proving.night.checks import judge
 from proving.night.play import play
 from proving.night.scenario import EVERY_LAB, draw
 from rig.engine.actions import BenchActions
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.tables import run_table
 
 NIGHTS = {lab: range(8) for lab in EVERY_LAB} | {"attitude": range(24), "bath": range(15)}

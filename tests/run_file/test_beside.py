@@ -12,13 +12,14 @@ from test_run_file import RUN_LIST
 
 from rig.errors import RunFileError
 from rig.procedures.plan.run_list import Point, RunList
-from rig.run_file import opening, wal
-from rig.run_file.beside import ForeignFileError
+from rig.run_file import wal
 from rig.run_file.chain import Record, encode
-from rig.run_file.creation import Genesis, create
-from rig.run_file.opening import opened_without_log
-from rig.run_file.reader import RunReader
-from rig.run_file.writer import RunWriter
+from rig.run_file.read import opening
+from rig.run_file.read.beside import ForeignFileError
+from rig.run_file.read.opening import opened_without_log
+from rig.run_file.read.reader import RunReader
+from rig.run_file.write.creation import Genesis, create
+from rig.run_file.write.writer import RunWriter
 
 POINTS = 120
 STEP = 20

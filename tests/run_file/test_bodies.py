@@ -18,11 +18,11 @@ from proving.doors.of_runs import Image
 from rig.errors import ConfigurationError, RunFileError, UsageError
 from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record
-from rig.run_file.documents import declared_model, mounting_of
 from rig.run_file.events.event import body_of
-from rig.run_file.reader import RunReader
-from rig.run_file.state import read_state
-from rig.run_file.verification import verify_file
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.documents import declared_model, mounting_of
+from rig.run_file.state.state import read_state
+from rig.run_file.verify.verification import verify_file
 from rig.runs.plans import stored_plan
 from rig.tables import run_table
 from rig.unattended.service import ServiceUnit

@@ -15,10 +15,10 @@ from test_typed_readings import DIAL, bench, defects, world
 
 from rig.engine.session import Outcome, Signals
 from rig.run_file.chain import Record, encode
-from rig.run_file.reader import RunReader
-from rig.run_file.state import read_state
-from rig.run_file.verification import verify_file
-from rig.run_file.writer import RunWriter
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import read_state
+from rig.run_file.verify.verification import verify_file
+from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.tables import run_table

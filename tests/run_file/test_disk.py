@@ -17,10 +17,10 @@ from rig.drivers.clock import Clock
 from rig.errors import StorageError
 from rig.run_file import storage
 from rig.run_file.chain import Record
-from rig.run_file.creation import create
-from rig.run_file.reader import RunReader
-from rig.run_file.state import fold
-from rig.run_file.writer import RunWriter
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import fold
+from rig.run_file.write.creation import create
+from rig.run_file.write.writer import RunWriter
 from rig.sims.world import World
 
 

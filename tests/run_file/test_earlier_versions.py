@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from command import rig
 
-from rig.run_file.reader import RunReader
-from rig.run_file.state import read_state
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import read_state
 from rig.verbs.page import story
 
 DATA = Path(__file__).parents[1] / "data"

@@ -15,8 +15,8 @@ from rig.run_file.bodies import ContentsError
 from rig.run_file.chain import Record, encode
 from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import Event, Unknown
-from rig.run_file.reader import RunReader
-from rig.run_file.state import RunState
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import RunState
 from rig.tables.faults import faults, write_faults
 from rig.unattended import Kind
 from rig.unattended.happenings import from_record, one_line

@@ -12,7 +12,7 @@ import dry_pressure
 import pytest
 
 from proving.forger import Opened, forge
-from rig.run_file.verification import verify_file
+from rig.run_file.verify.verification import verify_file
 
 Change = Callable[[Opened], object]
 

@@ -18,8 +18,8 @@ from proving.crashes.damages import small_finished
 from rig.engine.session import Outcome
 from rig.errors import RigError, RunFileError, UsageError
 from rig.run_file.chain import link
-from rig.run_file.reader import RunReader
-from rig.run_file.verification import restored
+from rig.run_file.read.reader import RunReader
+from rig.run_file.verify.verification import restored
 
 
 @pytest.fixture(scope="module", params=["attitude", "pressure"])

@@ -20,14 +20,14 @@ from rig.errors import BusyError, RunFileError, StorageError, UsageError
 from rig.procedures.plan.run_list import Factor, Point, RunList
 from rig.run_file import storage, wal
 from rig.run_file.chain import Record, encode
-from rig.run_file.creation import Genesis, create
-from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.last_word import read_last_word
 from rig.run_file.live import live_path, read_json, read_live, request_path
-from rig.run_file.reader import RunReader
-from rig.run_file.state import fold
-from rig.run_file.verification import verify_file
-from rig.run_file.writer import RunWriter
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.elsewhere import goes_on_in
+from rig.run_file.state.state import fold
+from rig.run_file.verify.verification import verify_file
+from rig.run_file.write.creation import Genesis, create
+from rig.run_file.write.writer import RunWriter
 
 RUN_LIST = RunList(
     (Factor("pitch_deg", "pitch", 2.0), Factor("roll_deg", "roll", 2.0)),
@@ -236,8 +236,8 @@ import os, signal, sys
 sys.path.insert(0, {tests!r})
 from pathlib import Path
 from test_run_file import observation
-from rig.run_file.verification import verify_file
-from rig.run_file.writer import RunWriter
+from rig.run_file.verify.verification import verify_file
+from rig.run_file.write.writer import RunWriter
 run = RunWriter.open(Path({path!r}))
 for i in range(5):
     run.append(observation(i))

@@ -18,8 +18,8 @@ from small_run import write_small
 
 from proving.forger import Opened, forge
 from rig.errors import UsageError
-from rig.run_file.reader import RunReader
-from rig.run_file.verification import verify_file
+from rig.run_file.read.reader import RunReader
+from rig.run_file.verify.verification import verify_file
 from rig.tables import run_table
 from rig.who import Operator, operator
 

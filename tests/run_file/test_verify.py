@@ -13,8 +13,8 @@ from command import rig
 
 from proving.crashes.damages import small_finished
 from rig.errors import RigError, RunFileError
-from rig.run_file.reader import RunReader
-from rig.run_file.verification import verify_file
+from rig.run_file.read.reader import RunReader
+from rig.run_file.verify.verification import verify_file
 
 
 @pytest.fixture(scope="module")

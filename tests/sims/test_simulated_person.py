@@ -10,7 +10,7 @@ from general_lab import PROCEDURE, WORLD, run_dry
 from rig.errors import ConfigurationError
 from rig.procedures.plan.hand_steps import HandStep
 from rig.run_file.events.by_hand import DoneByHand
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.sims.physics.by_hand import PersonTruth
 from rig.simulated.person import SimulatedPerson
 

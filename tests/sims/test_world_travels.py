@@ -24,8 +24,8 @@ from rig.drivers.roles import OVERLOAD
 from rig.drivers.wires import SerialSettings, Wires
 from rig.errors import BenchFault, UsageError
 from rig.instruments.person import ServedBench
-from rig.run_file.creation import Genesis, create
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
+from rig.run_file.write.creation import Genesis, create
 from rig.runs.plans import load_plan
 from rig.sims.serve import Hands, toml
 from rig.simulated.dry_run import DryBench

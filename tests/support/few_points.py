@@ -10,7 +10,7 @@ from ideal_bench import PROCEDURE, new_run, run_session
 from rig.engine.session import Outcome
 from rig.procedures.attitude.settings import PitchRollProcedure
 from rig.procedures.pressure.settings import WholePlotProcedure
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 MOST_MV = 0.02
 MOST_NEWS = 2000

@@ -16,9 +16,9 @@ from rig.engine.sequencer import Sequencer
 from rig.engine.session import Outcome, Session, Signals
 from rig.instruments.opening import Bench
 from rig.procedures.attitude.settings import PitchRollProcedure
-from rig.run_file.creation import Genesis, create
-from rig.run_file.state import RunState, fold
-from rig.run_file.writer import RunWriter
+from rig.run_file.state.state import RunState, fold
+from rig.run_file.write.creation import Genesis, create
+from rig.run_file.write.writer import RunWriter
 from rig.sims.world import World
 
 CONFIG = BenchConfig.model_validate(

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from command import rig
 
-from rig.bench.quantities import scale
-from rig.dcc.si_units import per_term, si_unit
 from rig.engine.session import Outcome
 from rig.examples import example
 from rig.procedures.column_names import split_unit, with_word
 from rig.register import Statement
-from rig.register.units import factor
 from rig.sims.physics.laboratory import _stem
 from rig.tables import run_table
-from rig.tables.of_others.units import unit_in
+from rig.units.differences import factor
+from rig.units.in_tables import unit_in
+from rig.units.of_instruments import scale
+from rig.units.si import per_term, si_unit
 
 METER = """name = "water bench"
 [instruments.pump]

@@ -11,7 +11,7 @@ from command import rig
 
 from proving.crashes import kills
 from rig.examples import example
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 
 LAB = example("pressure-lab")
 SPEED = 1000

@@ -21,7 +21,7 @@ from small_run import write_small
 
 from rig.engine.session import Progress
 from rig.errors import ConfigurationError
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.unattended import Happening, Kind, Listeners, RunFacts
 from rig.unattended.notify import Failure, Notifier, NotifySettings, NotSent, compose, read_settings, sender
 

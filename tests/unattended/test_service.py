@@ -296,7 +296,7 @@ def test_a_session_after_a_crash_says_so(tmp_path):
     seen = []
     listeners = Listeners(facts_of(path))
     listeners._log = seen.append
-    from rig.run_file.writer import RunWriter  # noqa: PLC0415
+    from rig.run_file.write.writer import RunWriter  # noqa: PLC0415
 
     run_session(path)
     with RunWriter.open(path) as run:

@@ -26,9 +26,9 @@ from rig.engine.settling import Criteria, Settling
 from rig.procedures.plan.run_list import Factor, Point, RunList
 from rig.run_file import live as live_module
 from rig.run_file.chain import Record, encode
-from rig.run_file.creation import Genesis, create
 from rig.run_file.live import live_path, replace_json
-from rig.run_file.writer import RunWriter
+from rig.run_file.write.creation import Genesis, create
+from rig.run_file.write.writer import RunWriter
 from rig.runs.previous import read_previous
 from rig.tables import read_table
 from rig.watch import Access, Shelf, make_app

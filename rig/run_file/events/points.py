@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 ACCEPTED, REJECTED = "accepted", "rejected"
 CONTRADICTORY = "contradictory"
-"""Flag of an observation with readings that contradict one another, see `rig.run_file.own_scatter`."""
+"""Flag of an observation with readings that contradict one another, see `rig.run_file.state.own_scatter`."""
 OVERSHOT = "overshot"
 """Flag of an observation before which a setting had gone beyond a level that a standard reads; see `steered`."""
 DOUBTED = "doubted"

@@ -12,7 +12,7 @@ from rig.tables.of_others.block import Block, trimmed
 from rig.tables.of_others.file_form import FileForm
 from rig.tables.of_others.lines import Line, split
 from rig.tables.of_others.numbers import is_missing, is_no_reading, is_value, looks_like_number
-from rig.tables.of_others.units import bare, is_unit, no_unit
+from rig.units.in_tables import bare, is_unit, no_unit
 
 _EXTRA = re.compile(r"comments?|notes?|remarks?", re.IGNORECASE)
 _PROCESSING = re.compile(

@@ -12,7 +12,7 @@ import numpy as np
 from rig.errors import UsageError
 from rig.fitter.arrays import FloatArray
 from rig.procedures.tables.dates import stamp_of
-from rig.tables.of_others.units import is_unit
+from rig.units.in_tables import is_unit
 
 MISSING = frozenset(("", "na", "n/a", "#n/a", "#nv", "nan", "null", "-", "--", "---", "\u2013", "\u2014"))
 """Words for a missing value, in lower case."""

@@ -18,8 +18,8 @@ from rig.errors import RigError, UsageError
 from rig.procedures.present.durations import duration
 from rig.register import DOCUMENT, Register, parse_register, register_beside
 from rig.run_file.live import controller_alive
-from rig.run_file.reader import RunReader
-from rig.run_file.state import RunState, read_state
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import RunState, read_state
 from rig.runs.plans import Plan, load_plan, plan_of
 from rig.unattended.doctor.disk import check_disk
 from rig.unattended.doctor.findings import Finding, Level, ok, problem

@@ -38,7 +38,7 @@ from rig.register import (
 from rig.register.drift import drift_of_sensor
 from rig.register.surroundings import stated_by_hand
 from rig.run_file.events.sessions import Identified
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.tables import is_run, run_table
 from rig.verbs.budget.held import held, outside_of
 from rig.verbs.budget.identities import contradicted, not_told

@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from rig.by_kind import known
-from rig.dcc.si_units import per_term
 from rig.fitter.budget import Budgeted
 from rig.fitter.rounding import with_error
 from rig.procedures.evaluate.results import Page
 from rig.procedures.present.pictures import grid
+from rig.units.si import per_term
 from rig.verbs.budget.evaluation import RunBudget
 
 _SHOWN = 8

@@ -16,7 +16,7 @@ from rig.procedures.present.durations import duration
 from rig.procedures.tables.table import CORRECTED
 from rig.register import DOCUMENT, Register, SensorItem
 from rig.register.check import Entry, entries
-from rig.run_file.state import RunState
+from rig.run_file.state.state import RunState
 from rig.verbs.budget.evaluation import OfRun
 from rig.verbs.certificate.document import Equipment, Evidence, Item, Laboratory, Logo, Method, Party, Person
 from rig.verbs.certificate.files import changes

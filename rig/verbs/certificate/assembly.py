@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.dcc.si_units import per_term
 from rig.fitter.budget import NEAR_95, Budgeted, Shapes
 from rig.fitter.confirm import Confirmation
 from rig.fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
@@ -18,6 +17,7 @@ from rig.procedures.column_names import stem_of
 from rig.procedures.present.words import constants_of
 from rig.register import holds_of
 from rig.register.surroundings import shown_unit
+from rig.units.si import per_term
 from rig.verbs.budget.evaluation import RunBudget
 from rig.verbs.certificate import words
 from rig.verbs.certificate.document import Condition, Holding

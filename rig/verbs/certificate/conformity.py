@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from rig.bench.config import parse_toml, validated
-from rig.dcc.si_units import per_term
 from rig.errors import ConfigurationError
 from rig.fitter.budget import Budgeted
 from rig.fitter.decision import decide
 from rig.fitter.errors import FitError
 from rig.runs.plans import CONFORMITY
+from rig.units.si import per_term
 from rig.verbs.budget.evaluation import RunBudget
 from rig.verbs.certificate.assembly import label_of, sensor_of
 from rig.verbs.certificate.measured import Stage, Statement

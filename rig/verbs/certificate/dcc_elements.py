@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from decimal import Context, Decimal
 from xml.etree import ElementTree as ET
 
-from rig.dcc.si_units import SIUnit, si_unit
 from rig.errors import UsageError
+from rig.units.si import SIUnit, si_unit
 from rig.verbs.certificate.document import External, Party
 from rig.verbs.certificate.measured import Result
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
-from rig.dcc.si_units import SIUnit
+from rig.units.si import SIUnit
 from rig.verbs.certificate import words
 from rig.verbs.certificate.dcc_elements import add, add_contact, known_unit, solid, worded
 from rig.verbs.certificate.document import Document, Supplied

@@ -14,9 +14,9 @@ from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT, KnownConditions, check_surroundings
-from rig.run_file.reader import RunReader
-from rig.run_file.state import RunState, read_state
-from rig.run_file.verification import verify_file
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import RunState, read_state
+from rig.run_file.verify.verification import verify_file
 from rig.runs.plans import CONFORMITY
 from rig.tables import is_run
 from rig.verbs.budget.evaluation import Checked, OfRun, RunBudget, budget_of, checked_run

@@ -20,7 +20,7 @@ from rig.procedures.kinds import kind_of
 from rig.procedures.present.shell import shell_word
 from rig.procedures.tables.table import Table
 from rig.run_file.events.by_hand import DoneByHand
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.runs.plans import plan_of
 from rig.tables import run_table
 

@@ -11,7 +11,7 @@ from rig.errors import ConfigurationError, UsageError
 from rig.procedures.errors import DataError
 from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT
-from rig.run_file.reader import RunReader
+from rig.run_file.read.reader import RunReader
 from rig.tables import FileSource, is_run, run_table
 from rig.verbs.budget.evaluation import OfRun, run_with_register
 from rig.verbs.data.kept import REPEATABILITY, budget_section

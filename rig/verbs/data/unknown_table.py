@@ -13,7 +13,7 @@ from rig.errors import UsageError
 from rig.procedures.kinds import kinds
 from rig.procedures.present.blocks import Block, Grid, Line
 from rig.tables import FileSource, is_run
-from rig.tables.of_others.units import unit_in
+from rig.units.in_tables import unit_in
 
 if TYPE_CHECKING:
     from rig.procedures.tables.table import Table

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rig.bench.bench_file import check_options, playing
-from rig.bench.quantities import TEMPERATURE_UNIT
 from rig.drivers.roles import Chamber, Source
 from rig.fitter.arithmetic_text import parse_expression
 from rig.fitter.errors import FitError
 from rig.procedures.column_names import spelled, stem_of, unit_of
 from rig.procedures.plan.run_list import Factor, Settle
+from rig.units.of_instruments import TEMPERATURE_UNIT
 
 if TYPE_CHECKING:
     from rig.runs.plans import Plan

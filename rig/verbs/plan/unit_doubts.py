@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rig.bench.quantities import VOLT, per_volt, scale
-from rig.dcc.si_units import si_unit
 from rig.errors import UsageError
 from rig.fitter.errors import FitError
 from rig.procedures.column_names import spelled, unit_of
 from rig.procedures.errors import DataError
 from rig.procedures.kinds import kind_of
+from rig.units.of_instruments import VOLT, per_volt, scale
+from rig.units.si import si_unit
 
 if TYPE_CHECKING:
     from rig.runs.plans import Plan

@@ -21,20 +21,20 @@ from rig.procedures.present.as_json import finite
 from rig.procedures.present.blocks import Block, Line, simulated_mark
 from rig.procedures.present.durations import duration
 from rig.procedures.present.shell import shell_word
-from rig.run_file.elsewhere import goes_on_in
 from rig.run_file.events.bench import Fault
 from rig.run_file.live import asked_by_hand, done_command, read_live, silent_s
-from rig.run_file.opening import sensible
-from rig.run_file.verification import CUT_SHORT, glance
+from rig.run_file.read.opening import sensible
+from rig.run_file.state.elsewhere import goes_on_in
+from rig.run_file.verify.verification import CUT_SHORT, glance
 from rig.runs.accepted import Acceptance
 from rig.runs.plans import has_plan, stored_plan
 
 if TYPE_CHECKING:
-    from rig.run_file.audit import Finding
     from rig.run_file.chain import Record
+    from rig.run_file.damage.audit import Finding
     from rig.run_file.events.by_hand import DoneByHand
-    from rig.run_file.reader import RunReader
-    from rig.run_file.state import RunState
+    from rig.run_file.read.reader import RunReader
+    from rig.run_file.state.state import RunState
 
 _FAULTS_TOLD, _QUIET_S = 5, 60.0
 VERIFIED = 100_000

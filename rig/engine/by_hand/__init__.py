@@ -1,0 +1,1 @@
+"""Work of a person in a run: steps, settings and readings, asked for and confirmed."""
