@@ -317,9 +317,9 @@ def test_what_was_before_a_resumed_session_is_past_unless_it_lasts():
     rig = faulty("chamber", {"faults": entries}, text=PRESSURE, start=100.0)
     assert sorted(h.fault.kind for h in rig.happened()) == ["chamber-alarm", "clock-step"]
     assert not rig.driver.read().alarms
-    assert rig.instruments.opening.instruments["other"].read().alarms
+    assert rig.bench.instruments["other"].read().alarms
     rig.dry.world.sleep(411.0)
-    assert not rig.instruments.opening.instruments["other"].read().alarms
+    assert not rig.bench.instruments["other"].read().alarms
 
 
 def test_utc_steps_and_is_set_right_while_durations_go_on():
