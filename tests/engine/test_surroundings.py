@@ -174,6 +174,9 @@ def test_a_hygrometer_and_a_barometer_are_recorded_with_the_observations(tmp_pat
     ]
     (said,) = (one for one in document.unrecorded if "No temperature is recorded" in one)
     assert "not known" in said
+    named = [one.name for one in document.equipment]
+    assert "instrument for rh" in named, "it is no thermometer"
+    assert not any("thermometer" in one for one in named)
 
 
 def test_the_live_chart_of_temperatures_has_no_humidity():

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.bench.config import InstrumentConfig, SensorConfig, parse_toml, read_text
+from rig.bench.quantities import TEMPERATURE_UNIT
 from rig.procedures.column_names import spelled, stem_of, unit_of
 from rig.procedures.plan.hand_steps import Made
 from rig.procedures.present.durations import duration
@@ -236,8 +237,10 @@ _KINDS = {"references": "reference standard of {}", "temperatures": "thermometer
 def _what(key: str) -> str:
     """Name of an entry of a bench file, for people."""
     table, _, name = key.partition(".")
-    words = stem_of(name) if table in _KINDS else name
-    return _KINDS.get(table, "{}").format(words.replace("_", " "))
+    words = (stem_of(name) if table in _KINDS else name).replace("_", " ")
+    if table == "temperatures" and unit_of(name) != TEMPERATURE_UNIT:  # a hygrometer or barometer
+        return f"instrument for {words}"
+    return _KINDS.get(table, "{}").format(words)
 
 
 def _is_person(entry: Entry) -> bool:
