@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from rig.bench.config import InstrumentConfig, SensorConfig, parse_toml, read_text
-from rig.bench.quantities import TEMPERATURE_UNIT
 from rig.procedures.column_names import spelled, stem_of, unit_of
 from rig.procedures.plan.hand_steps import Made
 from rig.procedures.present.durations import duration
@@ -18,6 +17,7 @@ from rig.procedures.tables.table import CORRECTED
 from rig.register import DOCUMENT, Register, SensorItem
 from rig.register.check import Entry, entries
 from rig.run_file.state.state import RunState
+from rig.units.of_instruments import TEMPERATURE_UNIT
 from rig.verbs.budget.evaluation import OfRun
 from rig.verbs.certificate.document import Equipment, Evidence, Item, Laboratory, Logo, Method, Party, Person
 from rig.verbs.certificate.files import changes
