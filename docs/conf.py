@@ -30,11 +30,14 @@ autodoc_typehints = "description"
 napoleon_use_ivar = True
 
 
+DIAGRAM = re.compile(r"```mermaid\n.*?```\n", re.DOTALL)
+UNDRAWN = "The diagram is drawn on the page's source in the repository; the tables say the same.\n"
+"""What draws a diagram is a script from a network: the site does without."""
 LINK = re.compile(r"\[([^\]]*)\]\(([^)#:\s]+)(?:#[^)]*)?\)")
 
 
-def outside(app: Sphinx, document: str, text: list[str]) -> None:
-    """A link to a file that is no page of the site becomes the name of the file in the repository."""
+def prepared(app: Sphinx, document: str, text: list[str]) -> None:
+    """A link to a file that is no page of the site becomes the name of the file in the repository; no diagrams."""
     folder = (DOCS / document).parent
 
     def named(link: re.Match[str]) -> str:
@@ -43,11 +46,10 @@ def outside(app: Sphinx, document: str, text: list[str]) -> None:
             return link[0]
         return f"{link[1]} (`{target.relative_to(DOCS.parent)}`)"
 
-    text[0] = LINK.sub(named, text[0])
+    text[0] = DIAGRAM.sub(UNDRAWN, LINK.sub(named, text[0]))
 
 
 def setup(app: Sphinx) -> None:
-    """Diagrams are shown as their text: what would draw them is a script from a network."""
-    for language in ("mermaid", "csv"):
-        app.add_lexer(language, TextLexer)
-    app.connect("source-read", outside)
+    """What Sphinx calls."""
+    app.add_lexer("csv", TextLexer)
+    app.connect("source-read", prepared)
