@@ -68,11 +68,27 @@ def robust_sd(residual: FloatArray, step: float | FloatArray = 0.0, inside: floa
         inside: probability of the quantile; 0.5 gives the median absolute deviation.
     """
     size = np.abs(residual)
-    normal = special.ndtri(0.5 + 0.5 * inside)
     if not np.any(step):
-        return float(np.quantile(size, inside) / normal)
-    floor, half = least_sd(step), np.broadcast_to(0.5 * np.asarray(step, np.float64), size.shape)
-    return float(np.sqrt(max((_limit(size, half, inside) / normal) ** 2 - floor**2, floor**2)))
+        return float(np.quantile(size, inside) / _of_normal(inside))
+    half = np.broadcast_to(0.5 * np.asarray(step, np.float64), size.shape)
+    return _without_rounding(_limit(size, half, inside), step, inside)
+
+
+def least_robust_sd(residual: FloatArray, step: float | FloatArray = 0.0) -> float:
+    """What `robust_sd` is at least, in a small part of its time: every residual at the near end of its step."""
+    starts = np.abs(residual) - 0.5 * np.asarray(step, np.float64)
+    count = math.ceil(0.5 * starts.size) - 1
+    return _without_rounding(max(float(np.partition(starts, count)[count]), 0.0), step, 0.5)
+
+
+def _of_normal(inside: float) -> float:
+    return float(special.ndtri(0.5 + 0.5 * inside))
+
+
+def _without_rounding(limit: float, step: float | FloatArray, inside: float) -> float:
+    """Standard deviation by the limit of a share of the residuals, less that of rounding and not below it."""
+    floor = least_sd(step)
+    return float(np.sqrt(max((limit / _of_normal(inside)) ** 2 - floor**2, floor**2)))
 
 
 def _limit(size: FloatArray, half: FloatArray, inside: float) -> float:

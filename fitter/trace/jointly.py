@@ -79,7 +79,7 @@ class Jointly:
     share: float
 
 
-def jointly(metric: Metric, values: FloatArray, limit: float) -> Jointly | None:
+def jointly(metric: Metric, values: FloatArray, limit: float, near: IntArray | None = None) -> Jointly | None:
     """The shape over quantities that a residual follows; None where there is none, or too few rows can tell.
 
     Draws are made only where a first look, which takes no time, sees more than chance.
@@ -88,13 +88,14 @@ def jointly(metric: Metric, values: FloatArray, limit: float) -> Jointly | None:
         metric: the residual.
         values: (n, d) quantities, none of them constant.
         limit: probability by chance below which there is a shape.
+        near: (n, m) `nearest` rows by the ranks of the quantities, if they are known, at least `NEIGHBOURS`.
     """
     (n, d), left = values.shape, metric.left
     df = n - metric.taken.shape[1]
     if not d or df < 2 * LEAST_DF or not np.any(left):
         return None
     u, even, every = spread_evenly(values), ranks(values), tuple(range(d))
-    near = nearest(even)
+    near = nearest(even) if near is None else near[:, :NEIGHBOURS]
     steps = _steps(metric, u, every)
     own = float(_evidence(steps, left, df).max(initial=0.0))
     normal, alike = math.exp(-own) * len(steps), float(_alike(near, left[:, None])[0])
@@ -146,8 +147,7 @@ def polynomials(u: FloatArray, most: int) -> list[FloatArray]:
     As many degrees as `most` columns allow; of too many quantities for the second degree their squares alone.
     """
     d = u.shape[1]
-    single = np.polynomial.legendre.legvander(u, MOST_DEGREE)
-    out, count = [], 0
+    powers, count = [], 0
     for degree in range(1, MOST_DEGREE + 1):
         picked = (
             [np.bincount(one, minlength=d) for one in combinations_with_replacement(range(d), degree)]
@@ -158,11 +158,18 @@ def polynomials(u: FloatArray, most: int) -> list[FloatArray]:
         if last and degree == SQUARES and count + d <= most:
             picked = list(SQUARES * np.eye(d, dtype=np.int64))
         if picked:
-            out.append(np.column_stack([np.prod(single[:, np.arange(d), one], axis=1) for one in picked]))
+            powers.append(picked)
             count += len(picked)
         if last:
             break
-    return out
+    single = np.asarray(np.polynomial.legendre.legvander(u, len(powers)), np.float64).transpose(1, 2, 0)
+    return [np.column_stack([_product(single, one) for one in picked]) for picked in powers]
+
+
+def _product(single: FloatArray, orders: IntArray) -> FloatArray:
+    """(n,) product of polynomials (d, degrees, n) of such orders (d,); those of order zero are one."""
+    used = np.flatnonzero(orders)
+    return np.asarray(np.prod(single[used, orders[used]], axis=0))
 
 
 def _steps(metric: Metric, u: FloatArray, some: Some) -> Steps:

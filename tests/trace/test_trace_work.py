@@ -9,11 +9,15 @@ import pytest
 
 from proving.truth.table import MISSING, Lab, options, simulate
 from rig.fitter.linear import orthonormal
-from rig.fitter.resolution import robust_sd
+from rig.fitter.resolution import least_robust_sd, robust_sd
+from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.jointly import nearest, ranks
 from rig.procedures.general.column_roles import Roles, roles_of
-from rig.procedures.general.effects.scene import Stood
+from rig.procedures.general.effects.instrument_columns import BORDERS, range_gain, range_step
+from rig.procedures.general.effects.scene import Stood, TableScene
 from rig.procedures.general.effects.time_columns import lagging
 from rig.procedures.general.trace import cross, family, judge
+from rig.procedures.general.trace import problem as problems
 from rig.procedures.general.trace.both import Both
 from rig.procedures.general.trace.judge import TableJudge
 from rig.procedures.general.trace.lengths import Simulated
@@ -51,6 +55,30 @@ def test_a_certain_score_needs_no_simulation_and_has_the_p_of_one(monkeypatch):
     assert slow.best(()) == found
     assert slow.p_adjusted(found, found[0]) == p
     assert asked
+
+
+def test_an_effect_that_chance_explains_is_refused_before_all_others_are_simulated(problem, monkeypatch):
+    """With the same decision: further effects only raise p."""
+    monkeypatch.setattr(family, "MOST", 400)
+    whole, part = (TableJudge(problem).family(20) for _ in range(2))
+    assert not part.tails
+    exact = {(name, score): whole.adjust(name, score) for name in problem.named for score in (2.0, 6.0, 9.0, 40.0)}
+    assert not whole.waiting
+    left = []
+    for (name, score), p in exact.items():
+        bound = part.adjust(name, score, ALPHA)
+        left.append(len(part.waiting))
+        assert (bound > ALPHA) == (p > ALPHA), (name, score)
+        assert bound == p if p <= ALPHA else bound <= p
+    assert left[0] > 0
+    assert left[-1] == 0  # nothing but all effects shows that none looks as good
+
+
+def test_a_clean_table_is_searched_with_few_effects_simulated(monkeypatch):
+    monkeypatch.setattr(family, "MOST", 400)
+    judge = TableJudge(problem_of(data_of(Lab(200, 2))))
+    assert judge.best(()) == ()
+    assert all(one.waiting for one in judge.families.values())
 
 
 def test_a_score_is_certain_only_where_the_number_of_draws_is_known():
@@ -263,3 +291,26 @@ def test_the_limit_of_a_robust_scale_is_that_of_bisection(step, inside):
         normal = {0.5: 0.6744897501960817, 0.95: 1.959963984540054}[inside]
         expected = np.sqrt(max((high / normal) ** 2 - floor**2, floor**2))
         assert robust_sd(left, steps, inside) == pytest.approx(expected, rel=1e-12)
+        assert 0.0 < least_robust_sd(left, steps) <= robust_sd(left, steps)
+        assert least_robust_sd(left) <= robust_sd(left)
+
+
+def test_rows_close_to_each_other_are_looked_for_once(problem, monkeypatch):
+    asked = []
+    monkeypatch.setattr(problems, "nearest", lambda *args: asked.append(1) or nearest(*args))
+    moved = replace(problem, sd=np.linspace(1.0, 2.0, problem.n))
+    assert np.array_equal(moved.near, problem.near)
+    assert len(asked) <= 1
+    assert np.array_equal(problem.near[:, :4], nearest(ranks(problem.quantities.values)))
+
+
+@pytest.mark.parametrize("terms", [range_step, range_gain])
+def test_a_range_may_end_at_no_more_borders_than_can_be_told(terms):
+    """Between two of them its place is refined; where there are few settings, it may end between any two."""
+    rng = np.random.default_rng(13)
+    for count, most in ((1300, BORDERS), (50, 50)):
+        size = np.geomspace(1e-3, 10.0, count)[rng.permutation(np.arange(1300) % count)]
+        scene = TableScene({"x": size}, {}, {}, None, None)
+        found = terms(scene, "x")
+        assert len(found) == most - (count == 50)
+        assert [one.profile.high for one in found[:-1]] == pytest.approx([one.profile.value for one in found[1:]])

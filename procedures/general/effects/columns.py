@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray
 from rig.procedures.general.effects.scene import Profile, TableScene, TableTerm, is_angle
@@ -32,6 +34,7 @@ NO_SIDE, NO_SIZE = " == 0)", 1e-9
 _ONE_WORD = re.compile(r"[\w.]+(\([^()]*\))?")
 
 Terms = Sequence[TableTerm]
+Number = TypeVar("Number", bound=np.generic)
 
 
 def power(order: int) -> Callable[[TableScene, str], Terms]:
@@ -206,6 +209,13 @@ def _between(values: FloatArray, most: int) -> FloatArray:
         if len(middles)
         else middles
     )
+
+
+def evenly(values: NDArray[Number], most: int) -> NDArray[Number]:
+    """Values (n,), or of more than `most` so many of them, evenly by their number."""
+    if len(values) <= most:
+        return values
+    return np.asarray(values[np.unique(np.linspace(0, len(values) - 1, most).round().astype(int))])
 
 
 def _different(v: FloatArray) -> int:

@@ -6,13 +6,13 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.procedures.column_names import with_word
-from rig.procedures.general.effects.columns import Terms, middle, rounded, searched, whole
+from rig.procedures.general.effects.columns import Terms, evenly, middle, rounded, searched, whole
 from rig.procedures.general.effects.quantities import is_quantity
 from rig.procedures.general.effects.scene import TableScene, TableTerm, is_temperature
 
 DECADES = 0.15
 """Settings spread over decades if their median size is below this share of the largest; on an even scale it is 0.5."""
-FEWEST_SIZES, FEWEST_BESIDE_RANGE = 6, 3
+FEWEST_SIZES, FEWEST_BESIDE_RANGE, BORDERS = 6, 3, 120
 SMOOTH = 0.9
 """Share of a difference's variation that a cubic explains, if it is a curve and not scatter."""
 
@@ -60,14 +60,18 @@ def range_gain(scene: TableScene, name: str) -> Terms:
 
 
 def _borders(v: FloatArray) -> FloatArray:
-    """Sizes between those of neighbouring settings, with a few rows on either side; none unless they span decades."""
+    """Sizes between those of neighbouring settings, with a few rows on either side; none unless they span decades.
+
+    Of very many, `BORDERS`: the place between two of these is refined.
+    """
     size = np.abs(v)
     distinct = np.unique(size[size > 0.0])
     if len(distinct) < FEWEST_SIZES or np.median(distinct) > DECADES * distinct[-1]:
         return np.zeros(0)
     between = np.sqrt(distinct[:-1] * distinct[1:])
-    beside = [min(int(np.sum(size > k)), int(np.sum(size < k))) for k in between]
-    return np.asarray(between[np.array(beside) >= FEWEST_BESIDE_RANGE], np.float64)
+    below = np.searchsorted(np.sort(size), between)
+    beside = np.minimum(below, len(size) - below)
+    return evenly(between[beside >= FEWEST_BESIDE_RANGE], BORDERS)
 
 
 def set_less_read(scene: TableScene, name: str) -> Terms:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import accumulate
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from rig.fitter.arrays import FloatArray
 from rig.procedures.general.effects.columns import (
     FEWEST_FOR_KNOT,
     Terms,
+    evenly,
     less,
     middle,
     origin,
@@ -93,8 +93,7 @@ def step(scene: TableScene, name: str) -> Terms:
     v = scene.of(name)
     positions = np.flatnonzero(np.diff(v) > 0) + 1
     positions = positions[(positions >= FEWEST_BESIDE_STEP) & (positions <= len(v) - FEWEST_BESIDE_STEP)]
-    if len(positions) > STEPS:
-        positions = positions[np.unique(np.linspace(0, len(positions) - 1, STEPS).round().astype(int))]
+    positions = evenly(positions, STEPS)
     dates = 0.5 * (v[positions - 1] + v[positions])
 
     def at(date: float) -> TableTerm:
@@ -210,5 +209,8 @@ def lagging(v: FloatArray, gap: FloatArray, tau: float, stood: Stood | None = No
         after = np.exp(-np.minimum(np.maximum(since[1:], 0.0), gap) / tau)
         if start is not None:
             first += float((start[0] - v[0]) * np.exp(-max(since[0], 0.0) / tau))
-    steps = zip(decay.tolist(), ((after - decay) * before + (1.0 - after) * v[1:]).tolist(), strict=True)
-    return np.array(list(accumulate(steps, lambda state, step: step[0] * state + step[1], initial=first)))
+    state, out = first, [first]
+    for kept, more in zip(decay.tolist(), ((after - decay) * before + (1.0 - after) * v[1:]).tolist(), strict=True):
+        state = kept * state + more
+        out.append(state)
+    return np.array(out)

@@ -13,8 +13,10 @@ is independent, cautious if it is not).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from copy import deepcopy
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
@@ -23,7 +25,7 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.sums_of_squares import project_out
 from rig.fitter.trace.chance import ALPHA
-from rig.procedures.general.trace.lengths import Simulated, Single
+from rig.procedures.general.trace.lengths import Part, Simulated, Single
 from rig.procedures.general.trace.noise import BoolArray
 from rig.procedures.general.trace.problem import SPARED, Problem
 from rig.procedures.general.trace.score import FEWEST_FOR_SCATTER, Blocks, View
@@ -84,33 +86,53 @@ class Tail:
         return self.weight * np.asarray(np.where(score > start, beyond, above))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class TableFamily:
-    """Distribution of scores by chance.
+    """Distribution of scores by chance; effects are simulated as far as they are asked for.
 
     Attributes:
-        tails: by effect; those that cannot be judged are missing.
-        smallest_p: of all effects in every draw, ascending.
+        tails: by effect, of those simulated; one that cannot be judged has none.
+        smallest_p: (m,) of these effects in every draw.
         sensors: of the run, each with such a family.
+        draws: tables in which effects are scored; None if all are.
+        waiting: parts of the effects that are not simulated yet, those of fewest columns first.
     """
 
     tails: dict[str, Tail]
     smallest_p: FloatArray
     sensors: int = 1
+    draws: Draws | None = None
+    waiting: list[Part] = field(default_factory=list)
 
     @property
     def least(self) -> float:
         """Result of `adjust` for p below all simulated ones: an upper bound."""
         return self._rank(0.0)
 
-    def adjust(self, effect: str, score: float) -> float:
-        """Probability that the best of the family looks at least as good by chance as an effect with this score."""
+    def adjust(self, effect: str, score: float, most: float = np.inf) -> float:
+        """Probability that the best of the family looks at least as good by chance as an effect with this score.
+
+        If it is above `most`, the result may be less, but above it: every further effect can only raise it.
+        """
+        own = next((part for part in self.waiting if effect in part.simulated.problem.named), None)
+        if own is not None:
+            self._simulate(own)
         if effect not in self.tails:
             return 1.0
-        return self._rank(float(self.tails[effect].p(np.array(score))))
+        alone = float(self.tails[effect].p(np.array(score)))
+        while (p := self._rank(alone)) <= most and self.waiting:
+            self._simulate(self.waiting[0])
+        return p
+
+    def _simulate(self, part: Part) -> None:
+        if self.draws is not None:
+            for name, (scores, weight) in self.draws.scores(part).items():
+                self.tails[name] = Tail(np.sort(scores), weight)
+                self.smallest_p = np.minimum(self.smallest_p, self.tails[name].p(scores))
+        self.waiting.remove(part)
 
     def _rank(self, p: float) -> float:
-        rank = int(np.searchsorted(self.smallest_p, p, side="right"))
+        rank = int(np.count_nonzero(self.smallest_p <= p))
         own = min((1.0 + rank) / (1.0 + self.smallest_p.size), 1.0)
         return of_all(own, self.sensors)
 
@@ -151,7 +173,7 @@ def family_of(
     scatter: View | None = None,
     simulated: Simulated | None = None,
 ) -> TableFamily:
-    """Simulate scores of candidates beside the declared columns in tables with only noise of covariance `at`.
+    """Scores of candidates beside the declared columns in simulated tables with only noise of covariance `at`.
 
     Args:
         problem: the table.
@@ -164,32 +186,102 @@ def family_of(
         simulated: of the same problem, if more than one family of it is simulated.
     """
     simulated = simulated or Simulated(problem)
-    found = simulated.under(at)
-    n, df = problem.n, problem.n - found.basis.shape[1]
-    judged = (found.rank > 0) & (df - found.rank >= SPARED)
-    if not np.any(judged):
+    rng, fewest, n = np.random.default_rng(seed), _fewest(problem), problem.n
+    near = _near(problem, at, without, rng), _near(problem, at, beside, rng)
+    width = simulated.width(at)
+    if not width:
         return TableFamily({}, np.ones(1), problem.sensors)
-    rng = np.random.default_rng(seed)
-    near = [_near(problem, at, possible, rng) for possible in (without, beside)]
-    fewest = _fewest(problem)
-    draws = int(np.clip(WORK / max(n * int(found.rank.sum()) * len(near[1]), 1), fewest, max(MOST, fewest)))
-    errors = rng.standard_normal((n, draws))
-    ratio = _ratios(simulated, near[0], near[1], problem.noise.colour(at, errors), found.rank, df)
-    if scatter is not None and n >= FEWEST_FOR_SCATTER:
-        ratio /= _scatter(scatter.units(), project_out(errors, found.basis).astype(np.float32), df)
-    tails = {}
-    smallest = np.ones(draws)
-    for name, every in problem.named.items():
-        mine = every[judged[every]]
-        if not mine.size:
-            continue
-        score = np.full(draws, -np.inf)
-        for rank in set(found.rank[mine].tolist()):
-            best = ratio[mine[found.rank[mine] == rank]].max(axis=0).astype(np.float64)
-            score = np.maximum(score, evidence(best, rank, df - rank))
-        tails[name] = Tail(np.sort(score), float(weight[mine[0]]))
-        smallest = np.minimum(smallest, tails[name].p(score))
-    return TableFamily(tails, np.sort(smallest), problem.sensors)
+    count = int(np.clip(WORK / (n * width * max(len(near[1]), 1)), fewest, max(MOST, fewest)))
+    draws = Draws(problem, at, weight, rng, near, count, scatter if n >= FEWEST_FOR_SCATTER else None, simulated.held)
+    return TableFamily({}, np.ones(count), problem.sensors, draws, list(simulated.parts))
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Tables with only noise of one covariance.
+
+    Attributes:
+        problem: the table.
+        at: the covariance.
+        weight: (J,) of each candidate, as in `family_of`.
+        rng: in the state in which errors are drawn.
+        near: (G0,), (G1,) covariances that are fitted without a candidate, and beside one.
+        count: number m of draws.
+        scatter: as in `family_of`.
+        held: the draws that were asked for last: with many rows they take much memory.
+    """
+
+    problem: Problem
+    at: int
+    weight: FloatArray
+    rng: np.random.Generator
+    near: tuple[IntArray, IntArray]
+    count: int
+    scatter: View | None
+    held: dict[Draws, Drawn]
+
+    def scores(self, part: Part) -> dict[str, tuple[FloatArray, float]]:
+        """(m,) best score of each effect of a part in every draw, and the weight of its p."""
+        found, mine = part.simulated.under(self.at), part.simulated.problem
+        df = mine.n - found.basis.shape[1]
+        judged = (found.rank > 0) & (df - found.rank >= SPARED)
+        out: dict[str, tuple[FloatArray, float]] = {}
+        if not np.any(judged):
+            return out
+        if self not in self.held:
+            self.held.clear()
+            self.held[self] = self._drawn()
+        drawn = self.held[self]
+        ratio = _ratios(drawn, part.simulated, found.rank, df)
+        if self.scatter is not None:
+            ratio /= _scatter(self.scatter.only(part.terms).units(), drawn.noise, df)
+        for name, every in mine.named.items():
+            if np.any(judged[every]):
+                own = every[judged[every]]
+                score = np.full(self.count, -np.inf)
+                for rank in set(found.rank[own].tolist()):
+                    best = ratio[own[found.rank[own] == rank]].max(axis=0).astype(np.float64)
+                    score = np.maximum(score, evidence(best, rank, df - rank))
+                out[name] = score, float(self.weight[part.terms[own[0]]])
+        return out
+
+    def _drawn(self) -> Drawn:
+        problem, (without, beside) = self.problem, self.near
+        n, log_det, declared = problem.n, problem.noise.log_det, problem.declared / problem.sd[:, None]
+        errors = deepcopy(self.rng).standard_normal((n, self.count))
+        coloured = problem.noise.colour(self.at, errors)
+        alone, usual = np.full(self.count, np.inf), np.full(self.count, np.nan)
+        fitted = []
+        for g in np.union1d(without, beside).tolist():
+            basis = orthonormal(problem.noise.whiten(np.array([g]), declared)[0])
+            left = project_out(problem.noise.whiten(np.array([g]), coloured)[0], basis)
+            total = np.sum(left**2, axis=0)
+            deviance = n * np.log(total) + log_det[g]
+            usual = np.where(np.isnan(usual), deviance, usual)
+            size = np.exp(np.clip((deviance - usual) / n, -_MOST, _MOST))  # as a sum of squares; no logarithm of each
+            if g in without:
+                alone = np.minimum(alone, size)
+            if g in beside:
+                left /= np.sqrt(total)
+                back = problem.noise.back(g, left).astype(np.float32)
+                fitted.append((g, size.astype(np.float32), back, left.astype(np.float32)))
+        white = orthonormal(problem.noise.whiten(np.array([self.at]), declared)[0])
+        return Drawn(alone.astype(np.float32), fitted, project_out(errors, white).astype(np.float32))
+
+
+class Drawn(NamedTuple):
+    """Simulated tables, whitened.
+
+    Attributes:
+        alone: (m,) least sum of squares without a candidate, as of equal determinants.
+        fitted: for each covariance beside a candidate, its index, (m,) sum of squares, and (n, m) residuals of length
+            one: whitened back, and as they are.
+        noise: (n, m) the errors, with the declared columns removed.
+    """
+
+    alone: Single
+    fitted: list[tuple[int, Single, Single, Single]]
+    noise: Single
 
 
 def _near(problem: Problem, at: int, possible: BoolArray, rng: np.random.Generator) -> IntArray:
@@ -215,35 +307,20 @@ def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
     return np.asarray(problem.n * np.log(np.sum(left**2, axis=0)) + problem.noise.log_det[g])
 
 
-def _ratios(
-    simulated: Simulated, without: IntArray, beside: IntArray, drawn: FloatArray, rank: IntArray, df: int
-) -> Single:
+def _ratios(drawn: Drawn, simulated: Simulated, rank: IntArray, df: int) -> Single:
     """(J, m) F equivalent to the likelihood ratio of every candidate, as in `likelihood.ratio`."""
-    problem, m = simulated.problem, drawn.shape[1]
-    n, log_det = problem.n, problem.noise.log_det
-    alone, joined = np.full(m, np.inf), np.full((len(rank), m), np.inf, np.float32)
-    usual = np.full(m, np.nan)
+    m = len(drawn.alone)
+    joined = np.full((len(rank), m), np.inf, np.float32)
     at_once = max(FEWEST_AT_ONCE, KEPT // max(simulated.columns.shape[1], 1))
-    for g in np.union1d(without, beside).tolist():
+    for g, size, back, left in drawn.fitted:
         found = simulated.under(g)
-        left = project_out(problem.noise.whiten(np.array([g]), drawn)[0], found.basis)
-        total = np.sum(left**2, axis=0)
-        deviance = n * np.log(total) + log_det[g]
-        usual = np.where(np.isnan(usual), deviance, usual)
-        size = np.exp(np.clip((deviance - usual) / n, -_MOST, _MOST))  # as a sum of squares; no logarithm of each draw
-        if g in without:
-            alone = np.minimum(alone, size)
-        if g not in beside:
-            continue
-        left /= np.sqrt(total)
-        back, size = problem.noise.back(g, left).astype(np.float32), size.astype(np.float32)
         for some in (slice(first, first + at_once) for first in range(0, m, at_once)):
             after = found.gains(simulated.columns.T @ back[:, some], left[:, some])
             np.subtract(1.0, after, out=after)
             np.maximum(after, np.float32(1e-6), out=after)
             after *= size[some]
             np.minimum(joined[:, some], after, out=joined[:, some])
-    ratio = np.minimum(alone.astype(np.float32) / joined, np.float32(np.exp(_MOST)))
+    ratio = np.minimum(drawn.alone / joined, np.float32(np.exp(_MOST)))
     fell = ratio > 1.0
     ratio = np.log(np.maximum(ratio, _TINY), out=ratio - 1.0, where=~fell)
     ranks = np.maximum(rank, 1)[:, None].astype(np.float32)

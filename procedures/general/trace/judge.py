@@ -79,7 +79,7 @@ class TableJudge:
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """The most evident candidate beside those `chosen`, among the significant ones."""
         ranked = [j for j in self._ranked(chosen) if not self._crowded(chosen, j)]
-        single = next(((j,) for j in ranked if self._adjusted(chosen, j) <= ALPHA), ())
+        single = next(((j,) for j in ranked if self._adjusted(chosen, j, ALPHA) <= ALPHA), ())
         return single or self._pair(chosen, ranked)
 
     def _pair(self, chosen: tuple[int, ...], ranked: Sequence[int]) -> tuple[int, ...]:
@@ -87,12 +87,11 @@ class TableJudge:
         if not self.problem.noise.slow[self.beside(chosen).best]:
             return ()
         for j in [j for j in ranked if self.candidates[j].effect.source == "time"][:PAIRED]:
-            for k in self._ranked((*chosen, j)):
-                other = self.candidates[k].effect
-                if other.source != "time" or other.name == self.candidates[j].effect.name:
+            for k in self._ranked((*chosen, j), "time"):
+                if self.candidates[k].effect.name == self.candidates[j].effect.name:
                     continue
-                p = self._adjusted((*chosen, j), k)
-                both = (p, self._adjusted((*chosen, k), j)) if p <= ALPHA else (p,)
+                p = self._adjusted((*chosen, j), k, ALPHA)
+                both = (p, self._adjusted((*chosen, k), j, ALPHA)) if p <= ALPHA else (p,)
                 if max(both) <= ALPHA and min(both) <= ALPHA / PAIRED:
                     return (j, k)
         return ()
@@ -130,7 +129,10 @@ class TableJudge:
         mine = [j for j in chosen if self.candidates[j].effect.name == effect]
         rest = tuple(j for j in chosen if j not in mine)
         price = float(np.log(self.problem.n)) * sum(self.candidates[j].term.price for j in mine)
-        return float(2.0 * (self.beside(chosen).ml.max() - self.beside(rest).ml[slow].max()) - price)
+        whole = tuple(sorted(chosen))
+        grid = self._of_response(self._grid(whole)[0], whole, self.held(rest))
+        without = self._without(grid, whole, mine) or self.beside(rest)
+        return float(2.0 * (self.beside(chosen).ml.max() - without.ml[slow].max()) - price)
 
     def is_bound(self, p: float) -> bool:
         """Whether no simulated table had such a score."""
@@ -244,8 +246,8 @@ class TableJudge:
             )
         return self.families[at, rival]
 
-    def _adjusted(self, chosen: tuple[int, ...], j: int) -> float:
-        """Family-wise p of `j` beside those `chosen`.
+    def _adjusted(self, chosen: tuple[int, ...], j: int, most: float = np.inf) -> float:
+        """Family-wise p of `j` beside those `chosen`; one above `most` need only be known to be above it.
 
         It has to be significant against the best-fitting noise without it. Or it has to be better than every slow walk,
         with noise of short memory beside it, and significant both against noise of short memory and against slow walks
@@ -254,12 +256,13 @@ class TableJudge:
         """
         trial = self._trial(chosen, j)
         if trial.ahead > np.log(self.problem.n) * self.candidates[j].term.price:
-            p = max(self._against(trial, chosen, j, "fast"), self._against(trial, chosen, j, "slow"))
+            p = self._against(trial, chosen, j, "fast", ALPHA)
+            p = max(p, self._against(trial, chosen, j, "slow", ALPHA)) if p <= ALPHA else p
             if p <= ALPHA:
                 return p
-        return self._against(trial, chosen, j, "any")
+        return self._against(trial, chosen, j, "any", most)
 
-    def _against(self, trial: Trial, chosen: tuple[int, ...], j: int, rival: Rivalry) -> float:
+    def _against(self, trial: Trial, chosen: tuple[int, ...], j: int, rival: Rivalry, most: float) -> float:
         """Family-wise p of `j` against one rival; 0 if the noise of the table has no such rival.
 
         The larger of two: with the noise that is most probable without it, and with the slowest that is plausible. The
@@ -279,13 +282,15 @@ class TableJudge:
         name, own = self.candidates[j].effect.name, float(evidence(np.array(f), rank, df))
         if own > CERTAIN and self._least is not None:
             return self._least
-        p = self.family(trial.without.best_of(possible[0]), rival).adjust(name, own)
-        if p > CLOSE or rival == "slow":
+        p = self.family(trial.without.best_of(possible[0]), rival).adjust(name, own, most)
+        if p > min(most, CLOSE) or rival == "slow":
             return p
-        return max(p, self.family(trial.without.slowest_of(possible[0]), rival).adjust(name, own))
+        return max(p, self.family(trial.without.slowest_of(possible[0]), rival).adjust(name, own, most))
 
-    def _ranked(self, chosen: tuple[int, ...]) -> Iterable[int]:
-        """The best term of each promising effect, by evidence minus the price of its columns."""
+    def _ranked(self, chosen: tuple[int, ...], source: str | None = None) -> Iterable[int]:
+        """The best term of each promising effect, by evidence minus the price of its columns; with a `source`, those
+        of it alone.
+        """
         if not self.candidates:
             return ()
         beside = self.beside(chosen)
@@ -299,6 +304,8 @@ class TableJudge:
                 if scores.ratio[j] > 0 and len(best) < SHORTLIST:
                     best.setdefault(self.candidates[j].effect.name, j)
             shortlist.update({j: float(worth[j]) for j in best.values() if worth[j] > -per_column})
+        if source is not None:
+            shortlist = {j: own for j, own in shortlist.items() if self.candidates[j].effect.source == source}
         for j in shortlist:
             shortlist[j] = self._trial(chosen, j).gained - per_column * float(self.problem.price[j])
         return sorted(shortlist, key=lambda j: -shortlist[j])
@@ -329,11 +336,15 @@ class TableJudge:
     def _both(self, key: Key, j: int, whole: Key, held: FloatArray) -> tuple[Likelihoods, Likelihoods]:
         """Likelihoods without a candidate and with it, of a held response (n,)."""
         if whole in self._grids:
-            grid, order = self._grids[whole]
-            grid, width = self._of_response(grid, whole, held), np.diff(self.problem.start)
-            first = self.problem.declared.shape[1] + sum(int(width[k]) for k in order[: order.index(j)])
-            without = grid.without(np.arange(first, first + int(width[j])))
+            grid = self._of_response(self._grids[whole][0], whole, held)
+            without = self._without(grid, whole, (j,))
             if without is not None:
                 return without, grid.beside()
         grid = self._of_response(self._grid(key)[0], key, held)
         return grid.beside(), grid.beside(self.problem.of((j,)) / self.problem.sd[:, None])
+
+    def _without(self, grid: Grid, whole: Key, taken: Sequence[int]) -> Likelihoods | None:
+        """Likelihoods beside a model of a known grid, without some of its candidates; None if its columns depend."""
+        order, width = self._grids[whole][1], np.diff(self.problem.start)
+        ends = self.problem.declared.shape[1] + np.cumsum([0, *(width[k] for k in order)])
+        return grid.without(np.concatenate([np.arange(*ends[i : i + 2]) for i, k in enumerate(order) if k in taken]))

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,8 @@ from rig.procedures.general.trace.problem import Problem
 from rig.procedures.general.trace.score import NOTHING_LEFT, Apart, in_turn
 
 Single = NDArray[np.float32]
+NARROW = 12
+"""Most columns of an effect that is simulated together with others."""
 CONSTANT = 1e-12
 """Share of a column's sum of squares about its mean, at least: less is rounding."""
 
@@ -47,7 +50,7 @@ class Lengths:
             out[j] = units.shape[1]
         return np.asarray(out, np.int64)
 
-    def gains(self, along: Single, left: FloatArray) -> Single:
+    def gains(self, along: Single, left: FloatArray | Single) -> Single:
         """(J, m) reduction of the sums of squares of whitened residuals (n, m) by each candidate.
 
         Args:
@@ -62,7 +65,7 @@ class Lengths:
         pairs = np.flatnonzero(np.diff(self.start) == 2)
         out[pairs] += along[self.start[pairs] + 1]
         for j, units in self.wide.items():
-            out[j] = np.sum((units.T @ left.astype(np.float32)) ** 2, axis=0)
+            out[j] = np.sum((units.T @ left.astype(np.float32, copy=False)) ** 2, axis=0)
         return out
 
 
@@ -71,6 +74,25 @@ class Simulated:
     """Candidates of a problem for simulations, under any of its covariances."""
 
     problem: Problem
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Effects of few columns together, and every other one alone, those of fewest columns first."""
+        named, width = self.problem.named, np.diff(self.problem.start)
+        columns = {name: int(width[own].sum()) for name, own in named.items()}
+        narrow = [named[name] for name in named if columns[name] <= NARROW]
+        wide = [named[name] for name in sorted(named, key=lambda name: columns[name]) if columns[name] > NARROW]
+        every = [np.sort(np.concatenate(narrow)), *wide] if narrow else wide
+        return tuple(Part(terms, Simulated(self.problem.only(terms.tolist()))) for terms in every)
+
+    def width(self, at: int) -> int:
+        """Number of columns that can be judged under a covariance."""
+        return sum(int(part.simulated.under(at).rank.sum()) for part in self.parts)
+
+    @cached_property
+    def held(self) -> dict[Any, Any]:
+        """The draws of the latest simulation."""
+        return {}
 
     @cached_property
     def _known(self) -> dict[int, Lengths]:
@@ -138,3 +160,16 @@ class Simulated:
                 own = own - basis @ (basis.T @ own)
             wide[j] = orthonormal(own, length[some], NOTHING_LEFT).astype(np.float32)
         return Lengths(basis, apart, wide, start)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Some of the effects of a problem.
+
+    Attributes:
+        terms: (j,) their candidates.
+        simulated: these alone.
+    """
+
+    terms: IntArray
+    simulated: Simulated

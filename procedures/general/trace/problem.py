@@ -45,6 +45,18 @@ class Candidate:
 
 
 @dataclass(frozen=True, eq=False)
+class Quantities:
+    """Recorded numbers (n, d), and what problems of the same rows share about them."""
+
+    values: FloatArray
+
+    @cached_property
+    def near(self) -> IntArray:
+        """(n, NEAR) rows nearest to each, in ranks."""
+        return nearest(ranks(self.values), NEAR)
+
+
+@dataclass(frozen=True, eq=False)
 class Problem:
     """Data of a search.
 
@@ -58,7 +70,7 @@ class Problem:
         presumed: whether that order is only assumed.
         left_out: candidates that cannot be used in computation.
         sensors: of the run, each of which is searched: findings by chance are counted over all.
-        quantities: (n, d) recorded numbers, none of them constant.
+        quantities: recorded numbers, none of them constant.
     """
 
     y: FloatArray
@@ -70,7 +82,7 @@ class Problem:
     presumed: bool = False
     left_out: tuple[NotKept, ...] = ()
     sensors: int = 1
-    quantities: FloatArray | None = None
+    quantities: Quantities | None = None
 
     @property
     def n(self) -> int:
@@ -82,12 +94,10 @@ class Problem:
         """(n,) rounding step of the response, over each row's `sd`; zero if none is detected."""
         return np.asarray(resolution(self.y) / self.sd)
 
-    @cached_property
+    @property
     def near(self) -> IntArray | None:
         """(n, NEAR) rows with about the same quantities as each; None where there are too few rows, or none."""
-        if self.quantities is None or self.n < FEWEST_FOR_NEAR:
-            return None
-        return nearest(ranks(self.quantities), NEAR)
+        return None if self.quantities is None or self.n < FEWEST_FOR_NEAR else self.quantities.near
 
     @cached_property
     def columns(self) -> FloatArray:
@@ -147,7 +157,7 @@ class Problem:
             ),
             noise=self.noise.rows(kept),
             sd=self.sd[kept],
-            quantities=None if self.quantities is None else self.quantities[kept],
+            quantities=None if self.quantities is None else Quantities(self.quantities.values[kept]),
         )._stacked(columns)
 
     def with_terms(self, terms: dict[int, TableTerm]) -> Problem:
@@ -159,8 +169,11 @@ class Problem:
         return replace(self, candidates=tuple(candidates))._stacked(columns)
 
     def only(self, terms: Sequence[int]) -> Problem:
-        """The same with some of the candidates alone."""
-        return replace(self, candidates=tuple(self.candidates[j] for j in terms))
+        """The same with some of the candidates alone; neighbours share their columns with it."""
+        some = replace(self, candidates=tuple(self.candidates[j] for j in terms))
+        if len(terms) and np.array_equal(terms, np.arange(terms[0], terms[0] + len(terms))):
+            return some._stacked(self.columns[:, self.start[terms[0]] : self.start[terms[-1] + 1]])
+        return some
 
     def _stacked(self, columns: FloatArray) -> Problem:
         """This problem, whose `columns` are known."""

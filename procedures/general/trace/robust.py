@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.resolution import robust_sd
+from rig.fitter.resolution import least_robust_sd, robust_sd
 
 ALONE = 4.5
 """Robust standard deviations from which a reading counts as isolated."""
@@ -36,8 +36,8 @@ def excess(
     (n, k) `near` it, which have about the same settings: they are a shape, such as a peak. Where none deviates, `near`
     is not asked. `step` is the rounding step of the values, one or (n,), in the unit of the residual.
     """
-    if len(left) < FEWEST:
-        return np.zeros_like(left)
+    if len(left) < FEWEST or np.max(np.abs(left)) <= _limit(len(left)) * _at_least(left, least_robust_sd(left, step)):
+        return np.zeros_like(left)  # most calls: a lower limit of the scale takes a small part of its time
     off, limit = _beyond(left, step)
     if not np.any(off):
         return off
@@ -53,7 +53,16 @@ def excess(
 
 def scale(left: FloatArray, step: FloatArray | float = 0.0) -> float:
     """Standard deviation by the median of absolute values, at least a fifth of the rms and that of rounding."""
-    return float(max(robust_sd(left, step), 0.2 * np.sqrt(np.mean(left**2))))
+    return _at_least(left, robust_sd(left, step))
+
+
+def _at_least(left: FloatArray, sd: float) -> float:
+    return float(max(sd, 0.2 * np.sqrt(np.mean(left**2))))
+
+
+def _limit(n: int) -> float:
+    """Standard deviations from which one of n readings is isolated."""
+    return ALONE * (1.0 + FEW / n)
 
 
 def running_median(values: FloatArray) -> FloatArray:
@@ -66,5 +75,5 @@ def running_median(values: FloatArray) -> FloatArray:
 def _beyond(deviation: FloatArray, step: FloatArray | float) -> tuple[FloatArray, float]:
     """Part of each deviation beyond `HELD`, for those beyond `ALONE`; and the size from which on these are isolated."""
     sd = scale(deviation, step)
-    held, limit = np.clip(deviation, -HELD * sd, HELD * sd), ALONE * (1.0 + FEW / len(deviation)) * sd
+    held, limit = np.clip(deviation, -HELD * sd, HELD * sd), _limit(len(deviation)) * sd
     return np.where(np.abs(deviation) > limit, deviation - held, 0.0), limit

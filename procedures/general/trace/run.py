@@ -21,7 +21,7 @@ from rig.procedures.general.trace.estimate import error_of, stated
 from rig.procedures.general.trace.judge import TableJudge
 from rig.procedures.general.trace.likelihood import Grid
 from rig.procedures.general.trace.noise import Independent, Noise, Wandering
-from rig.procedures.general.trace.problem import Problem, candidates_of
+from rig.procedures.general.trace.problem import Problem, Quantities, candidates_of
 from rig.procedures.general.trace.refine import refined
 from rig.procedures.general.trace.shared import Shared, scale_of
 
@@ -105,7 +105,7 @@ def problem_of(data: TableData) -> Problem:
         presumed=time is not None and time.presumed,
         left_out=large,
         sensors=data.sensors,
-        quantities=np.column_stack(list(data.scene.quantities.values())) if data.scene.quantities else None,
+        quantities=Quantities(np.column_stack(list(known.values()))) if (known := data.scene.quantities) else None,
     )
 
 

@@ -155,6 +155,12 @@ class View:
             columns[:, some] = few
         return cls(own[:, 0], basis, columns, length, problem.start)
 
+    def only(self, terms: Sequence[int] | IntArray) -> View:
+        """The same with some of the candidates alone."""
+        picked, width = self.picked(terms), np.diff(self.start)[np.asarray(terms)]
+        start = np.concatenate([[0], np.cumsum(width)])
+        return View(self.y, self.basis, self.columns[:, picked], self.length[picked], start)
+
     def taken(self, chosen: Sequence[int]) -> FloatArray:
         """(n, q) orthonormal basis of the declared columns and some candidates."""
         if not chosen:
@@ -182,7 +188,7 @@ class View:
         along = (columns.T @ left)[order[:rank] - 1]
         return float(np.sum(dtrtrs(triangle[:rank, :rank], along, lower=True)[0] ** 2)) if rank else 0.0
 
-    def picked(self, chosen: Sequence[int]) -> IntArray:
+    def picked(self, chosen: Sequence[int] | IntArray) -> IntArray:
         """Columns of some candidates."""
         ranges = [np.arange(self.start[j], self.start[j + 1]) for j in chosen]
         return np.concatenate(ranges) if ranges else np.empty(0, np.int64)

@@ -70,7 +70,7 @@ def _asked(
     worst: Jointly | None = None
     noise = judge.problem.noise.over(sd)
     for at in under:
-        found = jointly(_metric(judge, chosen, sd, noise, at), values, limit)
+        found = jointly(_metric(judge, chosen, sd, noise, at), values, limit, judge.problem.near)
         if found is None:
             return None
         worst = found if worst is None or found.p > worst.p else worst
