@@ -75,4 +75,5 @@ def test_an_abscissa_that_is_not_in_the_model_is_refused():
             "model": {"formula": "1 + force_kN", "abscissa": "air_degC"},
         }
     )
-    assert "model.abscissa = 'air_degC' is not in its formula" in misfit(procedure.factors, procedure.model, {"cell": "cell_V"}, {})
+    said = misfit(procedure.factors, procedure.model, {"cell": "cell_V"}, {})
+    assert "model.abscissa = 'air_degC' is not in its formula" in said
