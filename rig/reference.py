@@ -10,6 +10,7 @@ import types
 import typing
 from collections.abc import Iterator, Set
 from enum import Enum
+from typing import Any
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
@@ -120,20 +121,19 @@ def _is_mapping(field: FieldInfo) -> bool:
 
 
 def _type(field: FieldInfo) -> str:
-    limits = []
-    for item in field.metadata:
-        match item:
-            case Gt(gt=bound):
-                limits.append(f"> {bound}")
-            case Ge(ge=bound):
-                limits.append(f">= {bound}")
-            case Lt(lt=bound):
-                limits.append(f"< {bound}")
-            case Le(le=bound):
-                limits.append(f"<= {bound}")
-            case _:
-                pass
-    return " ".join([_name(field.annotation), *limits])
+    """Kind of a value and its limits: "number 0 to 10", "number above 0, to 1e+06"."""
+    above, least, below, most = (_bounds(field, kind) for kind in (Gt, Ge, Lt, Le))
+    name = _name(field.annotation)
+    if least and most and not (above or below):
+        return f"{name} {max(least):g} to {min(most):g}"
+    limits = [f"above {max(above):g}" if above else "", f"from {max(least):g}" if least else ""]
+    limits += [f"below {min(below):g}" if below else "", f"to {min(most):g}" if most else ""]
+    return f"{name} {', '.join(filter(None, limits))}".strip()
+
+
+def _bounds(field: FieldInfo, kind: type[Gt | Ge | Lt | Le]) -> list[Any]:
+    """Limits of one sort; each of these classes has one field, the limit."""
+    return [getattr(item, kind.__name__.lower()) for item in field.metadata if isinstance(item, kind)]
 
 
 _NAMES = {"str": "text", "int": "whole number", "float": "number", "bool": "true or false", "date": "date"}
