@@ -63,3 +63,18 @@ def test_links_between_documents_lead_somewhere():
             link = f"{document.relative_to(ROOT)} links to {target}#{anchor}"
             assert there.exists(), link
             assert not anchor or there.suffix != ".md" or anchor in anchors(there), link
+
+
+def test_pages_that_code_and_examples_name_exist():
+    """Messages, help and comments send people to pages."""
+    folders = ("rig", "drivers", "sims", "fitter", "procedures", "examples", "proving", "tests", "tools", "benchmarks")
+    files = [path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in ("", ".py", ".toml")]
+    files += [ROOT / "pyproject.toml", ROOT / "Makefile", ROOT / ".ci" / "run"]
+    named = {
+        (page, path.relative_to(ROOT).as_posix())
+        for path in files
+        if path.is_file()
+        for page in re.findall(r"\bdocs/[\w/-]+\.md\b", path.read_text(encoding="utf-8", errors="ignore"))
+    }
+    assert len(named) > 50
+    assert {(page, path) for page, path in named if not (ROOT / page).exists()} == set()
