@@ -44,7 +44,7 @@ def prepared(app: Sphinx, document: str, text: list[str]) -> None:
         target = (folder / link[2]).resolve()
         if DOCS in target.parents or not target.exists():
             return link[0]
-        return f"{link[1]} (`{target.relative_to(DOCS.parent)}`)"
+        return f"{link[1]} in `{target.relative_to(DOCS.parent)}`"
 
     text[0] = DIAGRAM.sub(UNDRAWN, LINK.sub(named, text[0]))
 
