@@ -47,8 +47,8 @@ KEPT, FEWEST_AT_ONCE = 300_000, 32
 """Scores that stay in the cache while they are used, and the fewest draws that are scored at once."""
 AT_ONCE = 256
 """Columns whose contributions of single rows are worked out at once."""
-CERTAIN = 60.0
-"""Score that no draw comes near: its p is the least that a simulation can tell. (A normal one has p = 1e-26, of
+CERTAIN = 40.0
+"""Score that no draw comes near: its p is the least that a simulation can tell. (A normal one has p = 4e-18, of
 thousands of candidates; the tails simulated for sixty tables ended at 27.)
 """
 ALL_BUT = 0.9

@@ -62,6 +62,7 @@ class TableJudge:
     _grids: dict[Key, tuple[Grid, Key]] = field(default_factory=dict)
     _besides: dict[Key, Likelihoods] = field(default_factory=dict)
     _trials: dict[tuple[Key, int], Trial] = field(default_factory=dict)
+    _p: dict[tuple[Key, int], float] = field(default_factory=dict)
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -107,8 +108,11 @@ class TableJudge:
 
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
-        self._grid(tuple(sorted(chosen)))  # from which each of them is taken out
-        return self._adjusted(tuple(k for k in chosen if k != j), j)
+        whole, rest = tuple(sorted(chosen)), tuple(k for k in chosen if k != j)
+        if (whole, j) not in self._p:
+            self._grid(whole)  # from which each of them is taken out
+            self._p[whole, j] = self._adjusted(rest, j)
+        return self._p[whole, j]
 
     def suspects(self, chosen: tuple[int, ...]) -> tuple[tuple[str, float], ...]:
         """The effects nearest to significance beside those `chosen`, with their p, nearest first."""
