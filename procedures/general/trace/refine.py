@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rig.fitter.linear import orthonormal
-from rig.procedures.general.effects.scene import Profile, TableTerm
+from rig.procedures.general.effects.scene import Profile
 from rig.procedures.general.trace.judge import TableJudge
 from rig.procedures.general.trace.problem import Problem
 
@@ -15,18 +15,18 @@ SWEEPS = 2
 def refined(judge: TableJudge, chosen: tuple[int, ...]) -> Problem:
     """The problem with the best searched constants of the `chosen` candidates, each with the others fixed."""
     problem, at = judge.problem, judge.beside(chosen).best
-    y = judge.white(at, chosen)
+    y, terms = judge.white(at, chosen), {j: problem.candidates[j].term for j in chosen}
     for _ in range(SWEEPS):
         moved = False
         for j in chosen:
-            profile = problem.candidates[j].term.profile
+            profile = terms[j].profile
             if profile is None or profile.low >= profile.high:
                 continue
-            others = problem.model([k for k in chosen if k != j])
+            others = np.hstack([problem.declared, *(terms[k].columns for k in chosen if k != j)])
             basis = orthonormal(_white(problem, at, others))
             left = y - basis @ (basis.T @ y)
 
-            def rss(value: float, profile: Profile = profile, problem: Problem = problem) -> float:
+            def rss(value: float, profile: Profile = profile) -> float:
                 own = _white(problem, at, profile.at(value).columns)
                 units = orthonormal(own - basis @ (basis.T @ own), np.linalg.norm(own, axis=0), 1e-5)  # noqa: B023
                 return -float(np.sum((units.T @ left) ** 2))  # noqa: B023
@@ -40,15 +40,12 @@ def refined(judge: TableJudge, chosen: tuple[int, ...]) -> Problem:
                 options={"xatol": 1e-4 * (profile.high - profile.low)},
             )
             if best.fun < rss(profile.value) - 1e-9 * float(left @ left):
-                problem = problem.with_terms({j: _held(profile, float(best.x))})
+                terms[j] = profile.at(float(best.x))
                 moved = True
         if not moved:
             break
-    return problem
-
-
-def _held(profile: Profile, value: float) -> TableTerm:
-    return profile.at(value)
+    changed = {j: term for j, term in terms.items() if term is not problem.candidates[j].term}
+    return problem.with_terms(changed) if changed else problem
 
 
 def _white(problem: Problem, at: int, columns):  # type: ignore[no-untyped-def]
