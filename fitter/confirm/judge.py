@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.confirm.compare import Comparison, fitted_again, lasting, nuisance
+from rig.fitter.confirm.constants import profiled
 from rig.fitter.confirm.minor_causes import MinorCause, minor_causes
 from rig.fitter.confirm.prediction import SensorError, prediction_errors
 from rig.fitter.confirm.question import Hypothesis, Question
 from rig.fitter.confirm.structure import structured
 from rig.fitter.confirm.together import Candidates, Together, left, solve
-from rig.fitter.effects.sizes import arcsec, size_95
+from rig.fitter.effects.sizes import arcsec, size_with_95
 from rig.fitter.linear import orthonormal
 from rig.fitter.quantiles import DISTINGUISHED, f_tail, t_limit
 
@@ -27,6 +28,8 @@ MISFIT = 1.5
 """Mean square of residuals relative to the error's above which a model does not fit, if the excess is significant."""
 CHANGED = 1e-3
 """Probability below which an explanation fails: its sizes in the two runs differ."""
+CONSTANT_OF = "constant of "
+"""Begin of the name of a term for a searched constant."""
 PREDICTED = 0.1
 """Part of a dynamic effect, rms, that its sizes in the first run may leave of it in the later one. Its columns take
 settings for steps and readings for moments, so a run of another order or other hold times gives it another size."""
@@ -52,14 +55,15 @@ class Member:
         p_fits: probability by chance of such residuals, or of such a curve in them; a model does not fit below 1e-3.
         place: of that curve, if it does not fit: "over flow_kg_per_min"; "" if its residuals are too large altogether.
         terms: names of its terms.
-        coefficients: of the terms, from the later run alone, so without selection bias.
+        coefficients: of the terms, from the later run alone, so without selection bias; of `shifts` the constants.
         intervals: 95 % intervals of them.
         together: coefficients from both runs.
         intervals_together: 95 % intervals of these.
         sizes: sizes of the cause by the later run alone, in physical terms, by sensor; with its interval for a single
-            term: "5.0e-4 deg/g (4.1e-4 deg/g to 5.9e-4 deg/g)". Empty if that run does not determine them.
+            term: "5.0e-4 deg/g (4.1e-4 deg/g to 5.9e-4 deg/g)". Empty if that run does not determine them. With a
+            searched constant those by both runs, and the text says so: one run seldom tells it from the size.
         against: field of the data for a plot of its residual.
-        shifts: names of terms that are errors of searched constants: zero is what is expected of them.
+        shifts: names of terms that are searched constants.
     """
 
     effect: str
@@ -92,7 +96,10 @@ class Member:
     @property
     def seen(self) -> bool:
         """Whether the later run distinguishes it from zero, and both runs together give a size other than zero."""
-        return self.shown >= self.limit and any(low > 0 or high < 0 for low, high in self.intervals_together)
+        every = zip(self.terms, self.intervals_together, strict=True)
+        return self.shown >= self.limit and any(
+            (low > 0 or high < 0) and name not in self.shifts for name, (low, high) in every
+        )
 
     @property
     def holds(self) -> bool:
@@ -303,10 +310,14 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
         p_fits, place = structured(both, model, lasting=lasting(question))
         fits = p_fits >= CHANGED
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
-    alone, error = _alone(both, member, question.rest)
-    t = t_limit(0.95, df)
-    intervals, wide = _around(alone, error, t), _around(together, spread, t)
-    names = [term.term.name + ("" if term.sensor is None else f" ({term.sensor})") for term in member.terms]
+    later, t = both.only(both.fresh), t_limit(0.95, df)
+    found = _alone(later, member, question.rest, t)
+    in_both = _with_constants(both, member, comparison.rest, Sizes(together, _around(together, spread, t)), t)
+    sensors = ("" if term.sensor is None else f" ({term.sensor})" for term in member.terms)
+    names = [
+        found.names.get(k, term.term.name) + sensor
+        for k, (term, sensor) in enumerate(zip(member.terms, sensors, strict=True))
+    ]
     return Member(
         effect=member.effect,
         causes=member.causes,
@@ -321,11 +332,11 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
         p_fits=p_fits,
         place="" if fits else place,
         terms=tuple(names),
-        coefficients=tuple(alone.tolist()),
-        intervals=intervals,
-        together=tuple(together.tolist()),
-        intervals_together=wide,
-        sizes=_sizes(both, member, alone, intervals),
+        coefficients=tuple(found.values.tolist()),
+        intervals=found.intervals,
+        together=tuple(in_both.values.tolist()),
+        intervals_together=in_both.intervals,
+        sizes=_sizes(both, member, in_both if in_both.constants else found),
         against=member.terms[0].effect.against,
         shifts=frozenset(name for name, t in zip(names, member.terms, strict=True) if getattr(t, "slope", ())),
     )
@@ -372,31 +383,64 @@ def _fits(both: Together, model: FloatArray) -> tuple[bool, float, str]:
     return misfit < MISFIT or p > CHANGED, p, ""
 
 
-def _sizes(
-    both: Together, member: Hypothesis, alone: FloatArray, intervals: tuple[tuple[float, float], ...]
-) -> dict[str, str]:
+def _sizes(both: Together, member: Hypothesis, found: Sizes) -> dict[str, str]:
     """Size of a member in each sensor, by the later run alone; with its 95 % interval in brackets."""
     out: dict[str, list[str]] = {}
+    alone, intervals = found.values, found.intervals
     causes = dict.fromkeys(term.effect.name for term in member.terms)
     for (sensor, slope), cause in itertools.product(zip(both.sensors, both.slope.tolist(), strict=True), causes):
         of_cause = [k for k, term in enumerate(member.terms) if term.effect.name == cause]
         mine = [k for k in of_cause if member.terms[k].sensor in (None, sensor)]
+        constants = [found.constants[k] for k in mine if k in found.constants]
+        mine = [k for k in mine if k not in found.constants]
         if not mine or not np.all(np.isfinite(alone[mine])):
             continue
         effect = member.terms[mine[0]].effect
         size = arcsec if len(mine) == 1 and effect.size.phases else effect.size  # a single phase has a sign
         names = [member.terms[k].term.name for k in mine]
         values = dict(zip(names, alone[mine].tolist(), strict=True))
-        halves = {name: 0.5 * (intervals[k][1] - intervals[k][0]) for name, k in zip(names, mine, strict=True)}
-        known = np.isfinite([*halves.values()]).all()
-        text = size(values, slope, halves) + (f" ({size_95(size, values, halves, slope)})" if known else "")
+        ends = {name: intervals[k] for name, k in zip(names, mine, strict=True)}
+        text = ", ".join([size_with_95(size, values, ends, slope), *constants]) + (
+            ", by both runs" if constants else ""
+        )
         out.setdefault(sensor, []).append(f"{cause} {text}" if len(causes) > 1 else text)
     return {sensor: "; ".join(texts) for sensor, texts in out.items()}
 
 
-def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatArray, FloatArray]:
-    """(q,) coefficients of a member from the later run alone, and their standard errors."""
-    later = both.only(both.fresh)
+@dataclass(frozen=True, eq=False)
+class Sizes:
+    """Sizes of a member by some runs.
+
+    Attributes:
+        values: (q,) coefficients of its terms; in place of the change with a searched constant the constant.
+        intervals: 95 % intervals of them.
+        names: of terms, if others than in the first run: with the constant of these runs.
+        constants: texts of the constants, by position of the term.
+    """
+
+    values: FloatArray
+    intervals: tuple[tuple[float, float], ...]
+    names: Mapping[int, str] = field(default_factory=dict)
+    constants: Mapping[int, str] = field(default_factory=dict)
+
+
+def _with_constants(both: Together, member: Hypothesis, rest: FloatArray, sizes: Sizes, t: float) -> Sizes:
+    """Sizes with those of effects that have a searched constant from the profile of the likelihood."""
+    values, intervals = sizes.values.copy(), list(sizes.intervals)
+    names: dict[int, str] = {}
+    constants: dict[int, str] = {}
+    for one in profiled(both, member.terms, rest, t):
+        if not np.all(np.isfinite(values[list(one.at)])):
+            continue
+        for k, value, ends in zip(one.places, one.values, one.intervals, strict=True):
+            values[k], intervals[k] = value, ends
+        names |= {**dict(zip(one.at, one.names, strict=True)), one.shift: f"{CONSTANT_OF}{one.names[0]}"}
+        constants[one.shift] = member.terms[one.shift].constant_text(one.values[-1], one.intervals[-1])
+    return Sizes(values, tuple(intervals), names, constants)
+
+
+def _alone(later: Together, member: Hypothesis, rest: Candidates, t: float) -> Sizes:
+    """Sizes of a member from the later run alone."""
     own, others = later.columns_of(member.terms), later.all_columns_of(rest)
     model = np.column_stack([own, later.resized_columns(member.terms), others])
     length = np.linalg.norm(model, axis=0)
@@ -404,7 +448,8 @@ def _alone(both: Together, member: Hypothesis, rest: Candidates) -> tuple[FloatA
     inverse = np.linalg.pinv(model / length, rcond=1e-8) / length[:, None]
     gamma, error = inverse @ later.outputs, np.linalg.norm(inverse, axis=1)
     q = own.shape[1]
-    return np.where(seen, gamma[:q], np.nan), np.where(seen, error[:q], np.nan)
+    values, errors = np.where(seen, gamma[:q], np.nan), np.where(seen, error[:q], np.nan)
+    return _with_constants(later, member, others, Sizes(values, _around(values, errors, t)), t)
 
 
 def _gained(outputs: FloatArray, model: FloatArray, further: FloatArray) -> tuple[float, int]:

@@ -98,6 +98,32 @@ def between(low: str, high: str) -> str:
     return f"{low.removesuffix(unit).strip() if same else low} to {high.strip()}"
 
 
+def size_with_95(
+    size: Size, values: Mapping[str, float], ends: Mapping[str, tuple[float, float]], sensitivity: float
+) -> str:
+    """An effect's size with its 95 % interval: "20.1 Hz (18.4 Hz to 22.0 Hz)"; without one that is not known.
+
+    Args:
+        size: the catalogue's text.
+        values: coefficients by name of the term, in the terms' own units.
+        ends: of their 95 % intervals, which determine the digits; infinite where the data set no end.
+        sensitivity: of the sensor, for `size`.
+    """
+    finite = {name: [end for end in pair if isfinite(end)] for name, pair in ends.items()}
+    halves = {name: max(abs(end - values[name]) for end in own) for name, own in finite.items() if own}
+    text = size(values, sensitivity, halves)
+    if len(halves) < len(values):
+        return text
+    if size.phases and len(values) > 1:
+        return f"{text} ({size_95(size, values, halves, sensitivity)})"
+    told = []
+    for name, own in finite.items():
+        one, *other = (size({name: end}, sensitivity, {name: halves[name]}) for end in own)
+        least = "at least" if isfinite(ends[name][0]) else "at most"
+        told.append(between(one, *other) if other else f"{least} {one}")
+    return f"{text} ({', '.join(told)})"
+
+
 def size_95(size: Size, values: Mapping[str, float], halves: Mapping[str, float], sensitivity: float) -> str:
     """95 % interval of an effect's size, as a text in the form of the catalogue: "0.001490 to 0.001510 deg/g".
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.procedures.general.effects import OF_CONSTANT, TableEffect
+from rig.fitter.effects.sizes import each, size_with_95
+from rig.procedures.general.effects import TableEffect
 from rig.procedures.general.effects.columns import without_side
 from rig.procedures.general.effects.literal import Rows, column
 from rig.procedures.general.effects.scene import TableTerm
 from rig.procedures.general.effects.time_columns import of_start
+
+TIME_CONSTANT = "time constant"
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,18 @@ class RunTerm:
     at: int
     slope: tuple[float, ...] = ()
 
+    def with_constant(self, value: float) -> RunTerm:
+        """The same column with another value of its searched constant."""
+        assert self.block.profile is not None
+        block = self.block.profile.at(value)
+        return replace(self, term=Label(block.labels[self.at]), block=block, slope=())
+
+    def constant_text(self, value: float, ends: tuple[float, float]) -> str:
+        """A value of its searched constant with its 95 % interval, for people."""
+        name = getattr(self.block.profile, "what", "") or "constant"
+        unit = "s" if name == TIME_CONSTANT else ""
+        return f"{name} {size_with_95(each(unit), {name: value}, {name: (ends[0] or -inf, ends[1])}, 1.0)}"
+
     def column(self, rows: Rows) -> FloatArray:
         """(n,) its values in some rows."""
         if not self.slope:
@@ -72,4 +88,5 @@ def columns_of(effect: TableEffect, block: TableTerm, sensor: str, sizes: FloatA
         yield RunTerm(effect, Label(block.labels[at]), sensor, block, at)
     sizes = sizes * own
     if block.profile is not None and np.any(block.profile.value * block.profile.slopes @ sizes):
-        yield RunTerm(effect, Label(f"{OF_CONSTANT}{block.labels[0]}"), sensor, block, 0, slope=tuple(sizes.tolist()))
+        label = Label(f"change with the constant of {block.labels[0]}")
+        yield RunTerm(effect, label, sensor, block, 0, slope=tuple(sizes.tolist()))

@@ -9,9 +9,8 @@ import pytest
 
 from rig.cli import confirm_show
 from rig.fitter.confirm import NOTHING, Member
-from rig.fitter.effects.sizes import Size
+from rig.fitter.confirm.judge import CONSTANT_OF
 from rig.procedures.general.confirming import OWN_UNITS, GeneralConfirming
-from rig.procedures.general.effects import OF_CONSTANT, _of_term
 from rig.verbs.confirm.answers import Confirmed
 from rig.verbs.confirm.proposals import unlikely
 
@@ -101,13 +100,15 @@ def test_why_no_run_is_likely_to_settle_everything_is_said():
     assert unlikely([run(0.01), run(0.6, likely=True)]) == ""
 
 
-def test_an_error_of_a_searched_constant_may_be_zero_and_is_told_in_percent():
-    lag, shift = "lag(x, 300) (a_V)", f"{OF_CONSTANT}lag(x, 300) (a_V)"
+def test_a_searched_constant_is_no_size_that_has_to_differ_from_zero():
+    lag, shift = "lag(x, 300) (a_V)", f"{CONSTANT_OF}lag(x, 300) (a_V)"
     known = {"terms": (lag, shift), "intervals": ((-2.0, -1.0), (-0.1, 0.1)), "shifts": frozenset({shift})}
     others = dict.fromkeys(Member.__dataclass_fields__, None)
     assert Member(**{**others, **known}).zero == ()
     assert Member(**{**others, **known, "shifts": frozenset()}).zero == (shift,)
-    assert Size(_of_term, named=False)({shift: 0.0285}, 1.0) == "2.85 % in its constant"
+    seen = {"shown": 9.0, "limit": 3.0, "intervals_together": ((-2.0, 1.0), (200.0, 400.0))}
+    assert not Member(**{**others, **known, **seen}).seen
+    assert Member(**{**others, **known, **seen, "intervals_together": ((1.0, 2.0), (200.0, 400.0))}).seen
 
 
 def test_errors_of_outputs_in_different_units_have_their_own():

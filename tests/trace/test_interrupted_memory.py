@@ -119,7 +119,7 @@ def test_each_later_session_has_a_column_up_to_three_and_none_is_the_effect():
         np.testing.assert_allclose(column(label, rows), wanted, atol=1e-5 * np.abs(wanted).max(), err_msg=label)
     effect = next(one for one in effects_of(_data(_night(1)).scene, "cell_V") if one.kind.terms is lag)
     kept = [one.term.name for one in columns_of(effect, term, "cell_V", np.array([SIZE, 2e-4]))]
-    assert kept == [term.labels[0], f"error of the constant of {term.labels[0]}"]
+    assert kept == [term.labels[0], f"change with the constant of {term.labels[0]}"]
 
 
 def test_runs_judged_together_begin_anew_at_each_of_their_sessions():

@@ -8,13 +8,11 @@ from typing import Any
 
 from rig.fitter.effects.entry import Source
 from rig.fitter.effects.sizes import Size
+from rig.procedures.column_names import spelled, unit_of
 from rig.procedures.general.effects.catalogue import TABLE_CATALOGUE
 from rig.procedures.general.effects.hands import HANDS
 from rig.procedures.general.effects.kind import Of, TableEffect, TableKind
 from rig.procedures.general.effects.scene import TableScene, is_temperature
-
-OF_CONSTANT = "error of the constant of "
-"""Begin of the name of a column that tells the error of a searched constant."""
 
 __all__ = ["TABLE_CATALOGUE", "TableEffect", "TableKind", "effects_of"]
 
@@ -37,7 +35,7 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
         scope="sensor",
         stratum=kind.stratum,
         unit=kind.unit.format(*names, **words),
-        size=Size(_of_term, named=False),
+        size=Size(lambda _term: (1.0, kind.unit.format(*names, y=spelled(unit_of(response)))), named=False),
         against=names[-1] if kind.of in ("direction of setting", "direction by covariate") else names[0],
         separate_by=kind.separate_by.format(*names, **words),
         usual_size=kind.usual_size,
@@ -47,11 +45,6 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
         columns=names,
         family="temperature" if warm else kind.family,
     )
-
-
-def _of_term(name: str) -> tuple[float, str]:
-    """Factor and unit of a coefficient; the error of a searched constant is a share of it."""
-    return (100.0, "% in its constant") if name.startswith(OF_CONSTANT) else (1.0, "")
 
 
 def _columns_for(of: Of, scene: TableScene) -> Iterator[tuple[str, ...]]:
