@@ -95,7 +95,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
             if run.simulated:
                 row["simulated"] = 1.0
             rows.append(row)
-        instruments, operators = ({}, []) if salvage else (_instruments(reader), _operators(reader))
+        instruments, operators = ({}, []) if salvage else (_instruments(reader, documents), _operators(reader))
         last = began if salvage else max((r.utc_s for r in reader.records(Observed.kind)), default=began)
         head, ended = reader.head()[1], not salvage and any(True for _ in reader.records(Ended.kind))
         skipped = [] if salvage else _skipped(reader, run_list)
@@ -115,7 +115,9 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         "began_utc": _utc(began),
         "last_observation_utc": _utc(last),
         "instruments": instruments,
-        **({"reference standards": standards} if (standards := _standards(bench)) else {}),
+        **(
+            {"reference standards": standards} if (standards := _standards(bench, {} if salvage else documents)) else {}
+        ),
         "complete": ended,
         "points_planned": len(run_list),
         "points_observed": len(rows),
@@ -220,23 +222,39 @@ def _operators(reader: RunReader) -> list[str]:
     return list(dict.fromkeys(event.by for event in began if isinstance(event, SessionBegan) and event.by))
 
 
-def _instruments(reader: RunReader) -> dict[str, str]:
+def _calibration(documents: Mapping[str, str], asset: str, due: Any) -> str:
+    """The calibration of an instrument in words: its certificate by the run's register, and the due date.
+
+    The bench may state a date, too; without one it is that of the register.
+    """
+    certificate = Stored.of(documents, "equipment.toml").table("equipment").table(asset).table("certificate")
+    number = certificate.text("number")
+    due = due or certificate.everything().get("due", "not declared")
+    return f"{f'certificate {number}, ' if number else ''}calibration due {due}"
+
+
+def _instruments(reader: RunReader, documents: Mapping[str, str]) -> dict[str, str]:
     """Identities of the instruments, and due dates of their own calibrations, by name."""
     found: dict[str, str] = {}
     for event in (record.event for record in reader.records(Identified.kind)):
         assert isinstance(event, Identified)
-        name, text = event.instrument, f"{event.words}, calibration due {event.due or 'not declared'}"
+        name = event.instrument
+        text = f"{event.words}, {_calibration(documents, event.asset or '', event.due)}"
         found[name] = f"{found[name]}; then {text}" if name in found else text
     return found
 
 
-def _standards(bench: Stored) -> str:
-    """Reference standards as declared: asset, due date, formula; "" without any."""
+def _standards(bench: Stored, documents: Mapping[str, str]) -> str:
+    """Reference standards as declared: asset, certificate, due date, formula; "" without any.
+
+    A standard without an asset of its own is the instrument that reads it.
+    """
     told = []
     for factor, table in bench.table("references").tables():
+        asset = table.text("asset") or bench.table("instruments").table(table.text("reader")).text("asset")
         parts = [
-            f"asset {table.text('asset') or 'not declared'}",
-            f"calibration due {table.everything().get('due', 'not declared')}",
+            f"asset {asset or 'not declared'}",
+            _calibration(documents, asset, table.everything().get("due")),
             f"read by {table.text('reader')}",
             *([f"{factor} = {formula}"] if (formula := table.text("formula")) else []),
         ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -144,7 +145,7 @@ def _origin(one: Given) -> str:
 
 
 def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
-    """Changes of instrument, bench or procedure; a new due date alone is not another instrument."""
+    """Changes of instrument, bench or procedure; a new certificate alone is not another instrument."""
     found = [
         f"the {name} changed from {before[name]} to {after[name]}"
         for name in ("bench", "procedure")
@@ -152,12 +153,14 @@ def _changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
     ]
     old, new = before.get("instruments") or {}, after.get("instruments") or {}
     for name in (n for n in new if n in old):
-        was, now = (words.partition(", calibration due")[0] for words in (old[name], new[name]))
+        was, now = (_CALIBRATED.split(words)[0] for words in (old[name], new[name]))
         if was != now:
             found.append(f"the {name} changed from {was} to {now}")
     return found
 
 
+_CALIBRATED = re.compile(r", (?:certificate [^,]*, )?calibration due")
+"""Where the words about an instrument go on with its calibration."""
 _TEXTS = ("run_id", "file", "bench", "procedure", "began_utc", "last_observation_utc", "head")
 """Words from the data of a calibration, if it has them."""
 
