@@ -44,7 +44,7 @@ class Scatter:
             )
         return (
             f"{name}: lack of fit is significant, and larger than the register's errors of settings make it: the model "
-            f"lacks something (rig trace), and what that moves is in no number here"
+            f"lacks something, and the numbers of the model itself do not have what that moves"
         )
 
 

@@ -126,19 +126,23 @@ def _why_not(procedure: GeneralProcedure, sensor: str, run_list: RunList) -> str
     read = [name for name in formula.names if name not in {factor.name for factor in run_list.factors}]
     if not read:
         return "its model has texts or levels that are only known when they are recorded"
-    return f"{', '.join(read)} of its model {'is' if len(read) == 1 else 'are'} only known when read"
+    told = f"{', '.join(read)} of its model {'is' if len(read) == 1 else 'are'} only known when read"
+    if any(name.endswith(_DEGC) for name in read):
+        return told
+    return (
+        f"{told}; levels of {', '.join(read)} with a table of approach would be known before (docs/how_to/general.md)"
+    )
 
 
 def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
     """Standard error of every coefficient, and of the fitted value over the design."""
     expect, rows, further, cells = procedure.expect, [], [], []
+    unknown: dict[str, list[str]] = {}
     models = {sensor: (formula, found) for sensor, formula, found in evaluations(procedure, run_list)}
     for sensor in [*dict.fromkeys([*procedure.model.own, *expect.sigma])] or [""]:
         formula, found = models.get(sensor if sensor in procedure.model.own else "", (None, None))
         if formula is None or found is None:
-            further.append(
-                f"{sensor or 'the model'}: no precision is predicted: {_why_not(procedure, sensor, run_list)}"
-            )
+            unknown.setdefault(_why_not(procedure, sensor, run_list), []).append(sensor or "the model")
             continue
         sigma, who = expect.sigma.get(sensor), sensor or "any sensor"
         for term, sd, df in zip(found.names, found.stderr, _freedom(found), strict=True):
@@ -153,6 +157,7 @@ def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
         mean, worst = ((value**0.5) * (sigma or 1.0) for value in (found.mean_variance, float(variance.max())))
         unit = "" if sigma else ", in standard deviations of one observation"
         further.append(f"{who}: the fitted value has an sd of {mean:.3g} on average{unit}; of {worst:.3g} at {where}")
+    further += [f"{', '.join(sensors)}: no precision is predicted: {why}" for why, sensors in unknown.items()]
     told = ", ".join(f"{name} {value:g}" for name, value in expect.sigma.items())
     assumed = f"for a standard deviation of one observation of {told}"
     if not told:
@@ -177,7 +182,8 @@ def advice(procedure: GeneralProcedure) -> list[Advice]:
     for sensor, _, found in evaluations(procedure, run_list):
         of = f"{sensor}: " if sensor else ""
         told |= dict.fromkeys(f"{of}{sentence}" for sentence in of_design(found, list(procedure.factors)))
-    told |= dict.fromkeys([*_of_order(procedure, run_list), *_of_nothing(procedure, run_list)])
+    every = (*_of_order(procedure, run_list), *_of_nothing(procedure, run_list), *_not_inferred(procedure))
+    told |= dict.fromkeys(every)
     return [Advice(0, "design", False, sentence) for sentence in told]
 
 
@@ -198,6 +204,22 @@ def _of_order(procedure: GeneralProcedure, run_list: RunList) -> Iterator[str]:
                 f"{name} is set in one order, once: its effect and a drift look alike; use "
                 f'order = "up-down" or "random", or replications'
             )
+
+
+def _not_inferred(procedure: GeneralProcedure) -> Iterator[str]:
+    """Models of several variables that do not say which of them a reading determines; once for equal ones."""
+    models: dict[str, SensorModel] = {"": procedure.model, **procedure.model.own}
+    sensors: dict[tuple[str, ...], list[str]] = {}
+    for sensor, formula in formulas_of(procedure).items():
+        names = tuple(formula.names)
+        if len(names) > 1 and models[sensor].abscissa is None and len(procedure.factors) > 1:
+            sensors.setdefault(names, []).append(sensor)
+    for names, every in sensors.items():
+        of = f"{', '.join(every)}: " if any(every) else ""
+        yield (
+            f"{of}budgets and certificates will state outputs and no inferred values: the model has "
+            f'{", ".join(names)}, and abscissa = "{names[0]}" in [model] would say that a reading determines that one'
+        )
 
 
 def _of_nothing(procedure: GeneralProcedure, run_list: RunList) -> Iterator[str]:

@@ -40,7 +40,8 @@ def budget(
         bool,
         typer.Option(
             "--shapes",
-            help="coverage factors by the shapes of the distributions: smaller where limits of error dominate",
+            help="all coverage factors by the shapes of the distributions; default: where one or two limits of error "
+            "dominate a result, at 95 %, as on a certificate",
         ),
     ] = False,
     after_days: Annotated[
@@ -69,7 +70,8 @@ def budget(
     """Uncertainty budgets of the results of a run, by its register of equipment.
 
     Every result has its expanded uncertainty, its effective degrees of freedom and the shares of all influences. An
-    influence is what the register states about an instrument, carried through the whole evaluation of the run.
+    influence is what the register states about an instrument, carried through the whole evaluation of the run. The run
+    is traced: effects that the declared model lacks are a line of the budget of each result that they move.
     `--monte-carlo` compares the intervals with simulated ones (JCGM 101), and names those that differ.
 
     Example: `rig budget RUN --equipment equipment.toml --at force_kN=2.5`

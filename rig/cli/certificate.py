@@ -114,8 +114,9 @@ def certificate(
 
     It has the results with expanded uncertainties by the register of equipment, the budgets, the conditions, the
     equipment, statements of conformity, and the effects found. It is refused, with all reasons at once and exit code 2,
-    if a due date had passed, the run is not verified or not complete, an effect is doubtful, a field is missing, or an
-    uncertainty is repeatability only. Of a CSV table, [table] of the settings says what a run file would, and the
+    if a due date had passed, the run is not verified or not complete, the name of an effect is doubtful and no further
+    run has settled it, a field is missing, or an uncertainty is repeatability only. An effect that no further run has
+    confirmed is stated as such. Of a CSV table, [table] of the settings says what a run file would, and the
     certificate says what is not known without one. A certificate is never overwritten: --amends makes one that
     replaces it.
 
@@ -140,6 +141,7 @@ def certificate(
     from rig.verbs.certificate.issue import Issue, all_files, check_extras, issue  # noqa: PLC0415
     from rig.verbs.certificate.request import CertificateRequest  # noqa: PLC0415
     from rig.verbs.certificate.result import make  # noqa: PLC0415
+    from rig.verbs.certificate.words import LACKS  # noqa: PLC0415
 
     later = tuple(confirmed_by or ())
     people = (calibrated_by, approved_by)
@@ -161,6 +163,11 @@ def certificate(
     for name in made.discarded:
         words = f"certificate {name} was cut while it was written, and never issued: its files were removed"
         err.print(f"  [yellow]{escape(words)}[/]", soft_wrap=True)
+    if any(LACKS in one for one in made.document.models):
+        words = (
+            "results are of the declared model, which lacks effects that were found: --traced states those with them"
+        )
+        err.print(f"  [yellow]{words}[/]", soft_wrap=True)
     for change in made.document.amends.changes if made.document.amends else ():
         err.print(f"  amended: {escape(change)}", soft_wrap=True)
     return ExitCode.DONE

@@ -115,7 +115,7 @@ def unrecorded(config: BenchConfig, room: Collection[str] = ()) -> Iterator[str]
         stated = any(unit_of(name) == TEMPERATURE_UNIT for name in room)
         unknown = "the conditions of the calibration are not known"
         words = "the laboratory states that of the room" if stated else unknown
-        yield f"No temperature is recorded with the observations: {words}."
+        yield f"No temperature of the room is recorded with the observations: {words}."
 
 
 def check_validity(register: Register, config: BenchConfig, where: str, first: date, last: date) -> None:

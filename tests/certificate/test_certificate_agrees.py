@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from rig.verbs.certificate.assembly import effects, notes
+from rig.verbs.certificate.assembly import effects, found_in, models, notes
 
 NOTE = (
     "cell_V: drift:elapsed_s: it is doubtful: two causes do as well; these data cannot separate it from "
@@ -66,3 +66,16 @@ def test_the_state_of_the_effect_says_what_was_excluded():
     (one,) = effects(run(), [outcome], confirmed(), "", {Path("later.sqlite"): "ab" * 16})
     assert one.confirmed
     assert one.how == f"by later.sqlite, head {'ab' * 8}, which excludes ageing:elapsed_s"
+
+
+def test_an_effect_that_a_further_run_replaced_has_one_name_on_the_page():
+    """The table of effects said setting-lag, the line of the budget carry-over."""
+    found = [SimpleNamespace(sensor="mfs_Hz", named=[SimpleNamespace(kind="effect", effect="carry-over:flow")])]
+    answer = SimpleNamespace(effect="carry-over:flow", verdict="replaced", members=[member("lag:flow", holds=True)])
+    told = SimpleNamespace(answers=[answer])
+    assert found_in(found, told) == {"mfs_Hz": ("lag:flow (named carry-over:flow by the trace)",)}
+    assert found_in(found, None) == found_in(found, confirmed()) == {"mfs_Hz": ("carry-over:flow",)}
+    about = SimpleNamespace(of=SimpleNamespace(table=SimpleNamespace(outputs={"mfs_Hz": "mfs"})), undeclared=())
+    (said,) = models(about, "", found, told, accepted=False)
+    assert "(mfs: lag:flow (named carry-over:flow by the trace))" in said
+    assert "rig " not in said, "a customer's page has no command lines"

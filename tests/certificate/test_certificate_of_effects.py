@@ -10,7 +10,8 @@ import pytest
 from command import rig
 
 from rig.fitter.rounding import rounded_df
-from rig.verbs.budget.evaluation import budget_run
+from rig.verbs.budget.evaluation import budget_run, shapes_at
+from rig.verbs.budget.result import budget
 from rig.verbs.certificate.html import html
 from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import Made, make
@@ -60,9 +61,9 @@ def test_a_result_is_within_its_uncertainty_of_the_curve_at_rest(declared, trace
 
 def test_a_traced_certificate_has_the_numbers_of_the_traced_budget(run, traced):
     at = [{"force_kN": F} for F in (2, 5, 10)]
-    budget = budget_run(run, at=at, options={"traced": True})
+    whole = budget_run(run, at=at, options={"traced": True})
     found = {one.name: one for table in traced.document.tables for one in table.results}
-    for one in budget.budgets:
+    for one in whole.budgets:
         assert (found[one.name].estimate, found[one.name].standard) == (one.value, one.standard_uncertainty)
     (model,) = traced.document.models
     assert "with the effects that were found (cell: creep:force_kN)" in model
@@ -153,3 +154,26 @@ def test_a_prediction_with_the_effects_is_refused_by_fit_with_the_command_that_m
     assert "with effects beside it: rig budget RUN --traced --at NAME=VALUE" in done.stderr
     made = rig("budget", run, "--traced", "--at", "force_kN=2")
     assert "cell output at force 2 kN" in made.stdout
+
+
+def test_the_budget_of_a_run_has_the_numbers_of_its_certificate(run, declared):
+    """It was of the declared model without a word about the effect, with Student's t where limits dominate."""
+    found = budget(run, at=[{"force_kN": F} for F in (2, 5, 10)])
+    for mine, theirs in zip(found.found.budgets, declared.budgets[0].budgets, strict=True):
+        assert (mine.name, mine.value) == (theirs.name, theirs.value)
+        assert mine.expanded_uncertainty == pytest.approx(theirs.expanded_uncertainty, rel=1e-12)
+        assert mine.coverage_factor == theirs.coverage_factor
+    (told,) = [note for note in found.notes() if note.startswith("the run was traced")]
+    assert "the declared model lacks cell: creep:force_kN. Each result that they move has a line for them" in told
+    accepted = budget(run, traced=True)
+    assert not [note for note in accepted.notes() if note.startswith("the run was traced")]
+
+
+def test_what_a_simulation_leaves_out_of_a_budget_is_said(run):
+    (told,) = [note for note in budget(run, trials=2000).notes() if "not traced" in note]
+    assert told.endswith("without --monte-carlo effects are looked for and counted")
+
+
+def test_coverage_factors_are_by_shape_where_limits_dominate_as_on_a_certificate():
+    assert shapes_at(0.95) == "where limits dominate"
+    assert shapes_at(0.99) is False

@@ -1,4 +1,4 @@
-"""Total uncertainty in use: `rig infer` with a calibration that keeps influences has the budget's uncertainties."""
+"""Total uncertainty in use: `rig infer` with a calibration that keeps influences has those of the model's budget."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import pytest
 from command import rig
 
 from rig.errors import UsageError
+from rig.procedures.evaluate.points import points
+from rig.verbs.budget.evaluation import budget_run
 from rig.verbs.infer import csv_reader, infer, read_calibration
 
 ROOT = Path(__file__).parents[2]
@@ -48,10 +50,9 @@ def kept(request, tmp_path_factory):
     assert json.loads(done.stdout)["uncertainty"].startswith("repeatability only here; rig infer adds")
     told = {}
     for same in (False, True):
-        meter = ["--same-meter"] if same else []
-        done = rig("budget", run, "--equipment", register, *options, "--at", at, *meter, "--json")
-        assert done.returncode == 0, done.stderr
-        told[same] = {one["name"].partition(" at ")[0]: one for one in json.loads(done.stdout)["results"]}
+        asked = {"formula": options[1]} if options else {}  # both are of the declared model
+        made = budget_run(run, equipment=register, at=points([at]), same_meter=same, options=asked)
+        told[same] = {one.name.partition(" at ")[0]: vars(one) for one in made.budgets}
     return file, told, outputs, beside, inferred
 
 

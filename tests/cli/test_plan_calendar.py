@@ -84,7 +84,7 @@ ABSENT = (
     "The register states no range of W-1 (force_kN): whether the certificate covers the settings is not known.",
     "The register states no conditions under which the certificates of DVM-1, W-1 hold: whether the surroundings were "
     "permitted is not known.",
-    "No temperature is recorded with the observations: the conditions of the calibration are not known.",
+    "No temperature of the room is recorded with the observations: the conditions of the calibration are not known.",
 )
 
 
@@ -111,5 +111,5 @@ def test_nothing_is_said_where_the_register_states_all_of_it():
     assert list(absent(register, config)) == []
     assert list(unrecorded(config)) == [ABSENT[4]]
     assert list(unrecorded(config, {"room_degC": (20.0, 21.0)})) == [
-        "No temperature is recorded with the observations: the laboratory states that of the room."
+        "No temperature of the room is recorded with the observations: the laboratory states that of the room."
     ]

@@ -172,7 +172,7 @@ def test_a_hygrometer_and_a_barometer_are_recorded_with_the_observations(tmp_pat
         ("rh", "61.00", "%"),
         ("air", "987.00", "hPa"),
     ]
-    (said,) = (one for one in document.unrecorded if "No temperature is recorded" in one)
+    (said,) = (one for one in document.unrecorded if "No temperature of the room is recorded" in one)
     assert "not known" in said
     named = [one.name for one in document.equipment]
     assert "instrument for rh" in named, "it is no thermometer"

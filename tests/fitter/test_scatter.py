@@ -67,7 +67,7 @@ def test_a_model_that_lacks_more_than_the_weights_can_explain_is_said():
     evaluation = run(20.0 * SEVEN)
     explain(evaluation, Statements([WEIGHTS]))
     assert reading(evaluation) > 1e-2
-    assert "is in no number here" in next(iter(evaluation.notes()))
+    assert "the numbers of the model itself do not have what that moves" in next(iter(evaluation.notes()))
 
 
 def test_without_lack_of_fit_nothing_is_said_and_all_residuals_count():

@@ -14,7 +14,7 @@ import numpy as np
 from rig.bench.config import BenchConfig, parse_bench
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.fitter.arrays import FloatArray
-from rig.fitter.budget import Budgeted, Check, Influence, Shapes, TypeA, budgets, monte_carlo
+from rig.fitter.budget import NEAR_95, Budgeted, Check, Influence, Shapes, TypeA, budgets, monte_carlo
 from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.budgeting import Evaluation, Shift, Shifts
@@ -268,6 +268,11 @@ def budget_run(
     return budget_of(
         run_with_register(path, equipment), at=at, same_meter=same_meter, probability=probability, options=options
     )
+
+
+def shapes_at(probability: float) -> Shapes:
+    """Results whose coverage factor is by the shapes of the distributions: where limits dominate, near 95 %."""
+    return "where limits dominate" if NEAR_95[0] <= probability <= NEAR_95[1] else False
 
 
 def budget_of(

@@ -13,7 +13,8 @@ from rig.errors import UsageError
 from rig.fitter.rounding import with_error
 from rig.options import options_of
 from rig.procedures.present.blocks import Block, Grid, Line, headline
-from rig.verbs.budget.evaluation import RunBudget, budget_of, run_with_register
+from rig.verbs.budget.evaluation import RunBudget, budget_of, run_with_register, shapes_at
+from rig.verbs.budget.found import with_found
 from rig.verbs.frames import Frame, of_rows
 from rig.verbs.result import Plots, Result
 
@@ -166,7 +167,10 @@ def budget(
     after_days: float | None = None,
     **options: Any,
 ) -> Budget:
-    """Uncertainty budgets of a run's results, by its register of equipment.
+    """Uncertainty budgets of a run's results, by its register of equipment; as a certificate has them.
+
+    The run is traced. Effects that the declared model lacks are a line of the budget of each result that they move;
+    with the option `traced` results are of the model with these effects.
 
     Args:
         run: the run file.
@@ -177,7 +181,8 @@ def budget(
         trials: of a simulation that checks the budgets, at least 100 / (1 - probability).
         seed: of the simulation.
         each: called after each trial.
-        shapes: whether coverage factors follow the shapes of the distributions.
+        shapes: whether all coverage factors follow the shapes of the distributions; without it those of results in
+            which one or two limits of error dominate, at 95 %, as on a certificate.
         after_days: inferred values are for a use so many days after the run, with the sensors' drift by their history.
         options: of `rig budget` for this kind of run, with underscores for hyphens.
 
@@ -201,7 +206,8 @@ def budget(
         "same_meter": same_meter,
         "probability": probability,
         "options": given,
-        "shapes": shapes,
+        "shapes": shapes or shapes_at(probability),
         "after_days": after_days,
     }
-    return Budget(budget_of(of, **asked, trials=trials, seed=seed, each=each))
+    made = budget_of(of, **asked, trials=trials, seed=seed, each=each)
+    return Budget(made if given.get("traced") else with_found(of, made, asked, simulated=trials is not None))

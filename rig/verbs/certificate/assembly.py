@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.fitter.budget import NEAR_95, Budgeted, Shapes
+from rig.fitter.budget import Budgeted
 from rig.fitter.confirm import Confirmation
 from rig.fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from rig.fitter.trace.outcome import Finding, Outcome
@@ -30,11 +30,6 @@ SMALL = 1e-3
 _SHARED = "Quantities inferred from all items together"
 _OF_TEMPERATURES = -2
 """Last printed place of recorded conditions: that of meters of temperatures, and of tables."""
-
-
-def shapes(probability: float) -> Shapes:
-    """Results whose coverage factor is by the shapes of the distributions: where limits dominate, near 95 %."""
-    return "where limits dominate" if NEAR_95[0] <= probability <= NEAR_95[1] else False
 
 
 def sensor_of(name: str, run: RunBudget) -> str:
@@ -285,26 +280,37 @@ def all_confirmed(names: Iterable[str], confirmed: Confirmed | None) -> bool:
     return all(told.get(name) == "confirmed" for name in names)
 
 
-def models(run: RunBudget, stage: Stage, outcomes: Sequence[Outcome], *, accepted: bool) -> Iterator[str]:
-    """The model of the results, where a trace found effects beside the declared one, sentences."""
-    by_sensor = {
-        sensor_of(one.sensor, run): list(dict.fromkeys(f.effect for f in one.named if f.kind == "effect"))
-        for one in outcomes
+def found_in(outcomes: Iterable[Outcome], confirmed: Confirmed | None) -> Mapping[str, tuple[str, ...]]:
+    """Names of the effects found, by output: where a further run replaced one, the one that holds, and what it was."""
+    answers = {} if confirmed is None else {one.effect: one for one in confirmed.answers if one.verdict == "replaced"}
+
+    def named(effect: str) -> str:
+        held = answers.get(effect)
+        return effect if held is None else f"{held.members[0].effect} (named {effect} by the trace)"
+
+    return {
+        one.sensor: tuple(dict.fromkeys(named(f.effect) for f in one.named if f.kind == "effect")) for one in outcomes
     }
-    found = "; ".join(f"{sensor}: {', '.join(names)}" for sensor, names in by_sensor.items() if names)
+
+
+def models(
+    run: RunBudget, stage: Stage, outcomes: Sequence[Outcome], confirmed: Confirmed | None, *, accepted: bool
+) -> Iterator[str]:
+    """The model of the results, where a trace found effects beside the declared one, sentences."""
+    every = found_in(outcomes, confirmed)
+    found = "; ".join(f"{sensor_of(output, run)}: {', '.join(names)}" for output, names in every.items() if names)
     if not found:
         return
     of = f"Run {stage}: results" if stage else "Results"
     if accepted:
         yield (
             f"{of}, budgets and statements of conformity are of the declared model with the effects that were found "
-            f"({found}), as rig budget --traced."
+            f"({found})."
         )
         return
     yield (
         f"{of} are {words.LACKS} that were found ({found}). A budget has a line for each result that they move, and "
-        f"conformity counts it: the difference from the model with these effects. rig certificate RUN --traced "
-        f"states the results of that model."
+        f"conformity counts it: the difference from the model with these effects."
     )
     if moved := [one for one in run.undeclared if not {"output", "inferred"} & set(one.split())]:
         yield (

@@ -164,7 +164,9 @@ def _document(
         remarks=settings.remarks,
         paper=settings.paper,
         models=tuple(
-            m for one, b in with_budget for m in assembly.models(b, one.stage, one.outcomes, accepted=one.accepted)
+            m
+            for one, b in with_budget
+            for m in assembly.models(b, one.stage, one.outcomes, one.confirmed, accepted=one.accepted)
         ),
     )
 

@@ -19,7 +19,7 @@ from rig.run_file.state.state import RunState, read_state
 from rig.run_file.verify.verification import verify_file
 from rig.runs.plans import CONFORMITY
 from rig.tables import is_run
-from rig.verbs.budget.evaluation import Checked, OfRun, RunBudget, budget_of, checked_run
+from rig.verbs.budget.evaluation import Checked, OfRun, RunBudget, budget_of, checked_run, shapes_at
 from rig.verbs.budget.undeclared import with_undeclared
 from rig.verbs.certificate import assembly, conformity
 from rig.verbs.certificate.measured import Stage
@@ -149,12 +149,13 @@ def _budget(run: CertifiedRun, asked: CertificateRequest, settings: CertificateS
         "at": settings.at,
         "same_meter": settings.same_meter,
         "probability": settings.probability,
-        "shapes": assembly.shapes(settings.probability),
+        "shapes": shapes_at(settings.probability),
     }
     made = budget_of(run.of, **more, options={"traced": True} if run.accepted else None)
     if found and not run.accepted:
         with_effects = budget_of(run.of, **more, options={"traced": True})
-        made = with_undeclared(made, with_effects, by_sensor, more["shapes"])
+        told = assembly.found_in(run.outcomes, run.confirmed)
+        made = with_undeclared(made, with_effects, told, more["shapes"])
     run.budget = made
     reasons.extend(_of_budget(made, settings, str(asked.settings_file), stated=run.stated))
 

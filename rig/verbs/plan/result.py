@@ -132,6 +132,16 @@ class Plan(Result):
         }
 
     @property
+    def _dry_day(self) -> date | None:
+        """Day of a simulated night by the register; None without a register, and for a plan of a dry or live bench."""
+        checked = self.checked
+        if checked.dry or checked.bench.live is not None or DOCUMENT not in checked.documents:
+            return None
+        from rig.simulated.calendar import begins  # noqa: PLC0415 - few plans have a register
+
+        return begins({}, checked.bench, checked.documents[DOCUMENT]).date()
+
+    @property
     def _limits(self) -> Mapping[str, tuple[float, float]]:
         return Guard(self.checked.bench.limits, self.checked.bench.factors).limits
 
@@ -181,6 +191,8 @@ class Plan(Result):
         begun = f"a dry run in this world begins {_when(self.now)} and" if self.checked.dry else "started now, it"
         yield Line(f"  {begun} ends {_when(self.finish)} ({duration(found.total_s)}),")
         yield Line(f"  at the latest {_when(self.finish_latest)}")
+        if (day := self._dry_day) is not None:
+            yield Line(f"  with --dry it begins on {day}: a day on which the certificates of the register are valid")
         soaks = "" if found.soak_s is None else f", {duration(found.soak_s)} to set each whole plot"
         yield Line(
             f"  {found.point_s:.1f} s per point (sd {found.point_sd_s:.1f} s, {found.rehearsed} points rehearsed),"
