@@ -30,7 +30,7 @@ from rig.procedures.general.trace import FoundTableEffect, TableTrace
 from rig.procedures.general.trace.estimate import of_constants
 from rig.procedures.tables.table import Table
 
-KNOWN = "intervals take this as known, and no other state is in them"
+KNOWN = "intervals have no part for the error of this effect, and hold in that state alone"
 HALF_WAY = "half-way between both directions"
 _NAME = re.compile(r"[^\W\d]\w*")
 

@@ -40,7 +40,7 @@ def show_open(first: First, never: Sequence[Inseparable]) -> None:
         alike = [m.effect for m in question.members[1:] if not m.near]
         near = ", ".join(f"{m.effect} ({m.sigmas:.1f} standard errors)" for m in question.members if m.near)
         told = [f"these data do not distinguish it from {', '.join(alike)}"] if alike else []
-        told += [f"these data barely exclude other causes, which are judged as well: {near}"] if near else []
+        told += [f"less clearly excluded, and so judged again by the further run: {near}"] if near else []
         text = "; ".join(told) or "these data exclude every other cause"
         out.print(f"[bold]{escape(question.effect)}[/]: {escape(text)}", soft_wrap=True)
     for one in never:
@@ -65,25 +65,39 @@ def show_proposals(
     from rig.verbs.confirm.proposals import otherwise  # noqa: PLC0415
 
     shown = proposals if every else proposals[: max(take, SHOWN)]
-    width = len(str(len(shown)))
+    width, no_better = len(str(len(shown))), []
     for number, proposal in enumerate(shown, start=1):
+        if number != take and any(_no_better(proposal, other) for other in shown[: number - 1]):
+            no_better.append(str(number))
+            continue
         colour = "[green]" if number == take else "[default]"
         out.print(f"{colour}{number:>{width}}  {escape(proposal.variation.what)}[/]", soft_wrap=True)
         separated, pairs = proposal.separated
         told = [f"{proposal.size}, {duration(proposal.hours * 3600.0)}"]
-        told += [f"{separated} of {pairs} pairs separated"] if pairs else []
-        told += [] if proposal.nearest is None else [f"nearest pair {_weakest(*proposal.nearest)}"]
+        told += [f"{separated} of {pairs} pairs separated"] if pairs > 1 else []
+        word = "nearest pair" if pairs > 1 else "pair"
+        told += [] if proposal.nearest is None else [f"{word} {_weakest(*proposal.nearest)}"]
         told += [f"weakest cause {_weakest(*proposal.shown)}"]
         out.print(f"{' ' * width}  {'; '.join(told)}", soft_wrap=True)
     out.print(
-        f"  time: of the bench; pairs separated: with probability {SURE:.0%} or more; nearest pair, and weakest cause "
+        f"  time: of the bench; separated: with a probability of {SURE:.0%} or more; pair of causes, and weakest cause "
         "against none: expected standard errors, and the probability that they are enough",
         soft_wrap=True,
     )
+    if no_better:
+        out.print(f"  {', '.join(no_better)}: no figure is better, and no time shorter, than that of a run above")
     if len(proposals) > len(shown):
         out.print(f"  and {len(proposals) - len(shown)} more: --list shows them")
     for line in otherwise(first, proposals[take - 1], never):
         out.print(f"  [yellow]run {take}: {escape(line)}[/]", soft_wrap=True)
+
+
+def _no_better(one: Proposal, other: Proposal) -> bool:
+    """Whether a run takes as long as another, or longer, and separates nothing better."""
+    if (one.nearest is None) != (other.nearest is None) or one.separated[0] > other.separated[0]:
+        return False
+    pairs = [(one.shown, other.shown), *([(one.nearest, other.nearest)] if one.nearest and other.nearest else [])]
+    return one.hours >= other.hours and all(mine[1] <= theirs[1] for mine, theirs in pairs)
 
 
 def _weakest(chance: float, sigmas: float) -> str:

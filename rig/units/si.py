@@ -163,6 +163,8 @@ _BASE: Mapping[str, tuple[float, Mapping[str, int]]] = {
 def per_term(unit: str) -> str:
     """Unit of a coefficient, with the unit of its term: `V per unit of force_kN^2` is `V/kN^2`.
 
+    All divisors stand in one bracket: `Hz*min/(kg*degC)`.
+
     The units of a term are the ends of its names. A unit of a term with functions is unchanged.
     """
     own, between, term = unit.partition(" per unit of ")
@@ -170,20 +172,25 @@ def per_term(unit: str) -> str:
     factors = [(split_unit(one[1]), int(one[2] or 1)) for one in found if one is not None]
     if not between or len(factors) < len(found) or not all(stem and _is_plain(unit) for (stem, unit), _ in factors):
         return unit
-    return (own or "1") + "".join(_over(unit, power) for (_, unit), power in factors)
+    above, below = [own] if own else [], []
+    for (_, of_term), power in factors:
+        first, *others = (_raised_to(part, power) for part in of_term.split("_per_"))
+        below.append(first)
+        above += others
+    divisor = below[0] if len(below) == 1 else f"({'*'.join(below)})"
+    return f"{'*'.join(above) or '1'}/{divisor}"
 
 
 def _is_plain(unit: str) -> bool:
     return all(_LETTERS.fullmatch(part) for part in unit.split("_per_"))
 
 
-def _over(unit: str, power: int) -> str:
-    """What divides by a power of a unit of a column: `/m^6*h^2` of the square of `m3_per_h`."""
-    raised = [_LETTERS.fullmatch(part) for part in unit.split("_per_")]
-    powers = [(one[1], int(one[2] or 1) * power) for one in raised if one is not None]
-    signs = ("/", *("*" for _ in powers[1:]))
-    parts = zip(signs, powers, strict=True)
-    return "".join(f"{sign}{name}" + (f"^{p}" if p != 1 else "") for sign, (name, p) in parts)
+def _raised_to(part: str, power: int) -> str:
+    """A power of a part of a unit of a column: `m^6` of the square of `m3`."""
+    one = _LETTERS.fullmatch(part)
+    assert one is not None
+    whole = int(one[2] or 1) * power
+    return one[1] + (f"^{whole}" if whole != 1 else "")
 
 
 _FACTOR_OF_TERM = re.compile(r"([A-Za-z]\w*_[A-Za-z]\w*?)(?:(?:\^|\*\*)(\d+))?")

@@ -740,11 +740,12 @@ def test_conditions_are_the_smallest_the_mean_and_the_largest(made):
     [
         ("V per unit of force_kN", "V/kN"),
         ("V per unit of force_kN^2", "V/kN^2"),
-        ("V per unit of force_kN:bath_degC", "V/kN/degC"),
+        ("V per unit of force_kN:bath_degC", "V/(kN*degC)"),
         ("V per unit of log(force_kN)", "V per unit of log(force_kN)"),
         ("V", "V"),
-        ("Hz per unit of flow_m3_per_h", "Hz/m^3*h"),
-        ("mV_per_V per unit of flow_m3_per_h^2", "mV_per_V/m^6*h^2"),
+        ("Hz per unit of flow_m3_per_h", "Hz*h/m^3"),
+        ("Hz per unit of flow_kg_per_min:chamber_degC", "Hz*min/(kg*degC)"),
+        ("mV_per_V per unit of flow_m3_per_h^2", "mV_per_V*h^2/m^6"),
     ],
 )
 def test_units_of_coefficients(unit, plainly):

@@ -49,6 +49,19 @@ def test_a_proposed_run_is_two_lines(plain, capsys):
     assert lines[-1] == "  run 1: it may leave two causes open"
 
 
+def test_a_run_that_tells_no_more_and_takes_no_less_is_a_number_alone(plain, capsys):
+    """Seven runs stood there, "0 of 1 pairs separated" each, five of them with the same figures."""
+    one = proposal(separated=(0, 1), nearest=(0.9, 5.3))
+    better = proposal(separated=(0, 1), nearest=(0.94, 6.0), hours=0.7)
+    cheaper = proposal(separated=(0, 1), nearest=(0.8, 4.7), hours=0.4)
+    longer = proposal(separated=(0, 1), nearest=(0.9, 5.3), hours=0.8)
+    confirm_show.show_proposals(None, [one, one, better, longer, cheaper], (), 1, every=True)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line[0] for line in lines[:6:2]] == ["1", "3", "5"]
+    assert lines[1] == f"   {SIZE}, 30 min; pair 5.3 (90%); weakest cause 278 (100%)"
+    assert "  2, 4: no figure is better, and no time shorter, than that of a run above" in lines
+
+
 LEFT_OVER = {"p_fits": 1e-12, "place": "over force_kN"}
 
 
@@ -126,7 +139,7 @@ def test_errors_of_outputs_in_different_units_have_their_own():
     ("alike", "near", "says"),
     [
         ((), (), "these data exclude every other cause"),
-        ((), ("b",), "these data barely exclude other causes, which are judged as well: b (3.5 standard errors)"),
+        ((), ("b",), "less clearly excluded, and so judged again by the further run: b (3.5 standard errors)"),
         (("c",), (), "these data do not distinguish it from c"),
     ],
 )
