@@ -14,9 +14,7 @@ from rig.procedures.general.effects import TableEffect
 from rig.procedures.general.effects.columns import without_side
 from rig.procedures.general.effects.literal import Rows, column
 from rig.procedures.general.effects.scene import TableTerm
-from rig.procedures.general.effects.time_columns import of_start
-
-TIME_CONSTANT = "time constant"
+from rig.procedures.general.effects.time_columns import TIME_CONSTANT, of_start
 
 
 @dataclass(frozen=True)
@@ -59,8 +57,9 @@ class RunTerm:
 
     def constant_text(self, value: float, ends: tuple[float, float]) -> str:
         """A value of its searched constant with its 95 % interval, for people."""
-        name = getattr(self.block.profile, "what", "") or "constant"
-        unit = "s" if name == TIME_CONSTANT else ""
+        assert self.block.profile is not None
+        name = self.block.profile.what or "constant"
+        unit = "s" if name == TIME_CONSTANT else ""  # of runs, whose time is elapsed_s
         return f"{name} {size_with_95(each(unit), {name: value}, {name: (ends[0] or -inf, ends[1])}, 1.0)}"
 
     def column(self, rows: Rows) -> FloatArray:

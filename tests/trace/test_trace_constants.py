@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from command import rig
 from scipy.optimize import curve_fit
+
+from rig.procedures.general.trace.estimate import Constant
+from rig.procedures.general.trace.result import FoundTableEffect
 
 N, GAP_S, TAU_S = 120, 30.0, 150.0
 
@@ -59,3 +63,11 @@ def test_it_is_printed_with_its_interval_and_sizes_have_the_unit_of_the_output(t
     assert " V rms, " in effect["size"]
     assert effect["size"].endswith(" V from end to end")
     assert effect["size_95"].endswith(" V rms")
+
+
+def test_an_interval_of_a_time_constant_is_never_below_zero():
+    constant = Constant("time constant", 30.0, 25.0, 90.0)
+    told = FoundTableEffect._constant(SimpleNamespace(time_unit="s"), constant)
+    low, high = told["interval_95"]
+    assert 0.0 < low < 30.0 < high
+    assert low * high == pytest.approx(30.0**2)

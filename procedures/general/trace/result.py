@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isfinite
+from math import exp, isfinite
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from rig.fitter.trace.outcome import OF_REPLICATIONS, Instead, Outcome, Paramete
 from rig.procedures.general.trace.estimate import Constant, Estimate
 from rig.procedures.general.trace.run import Found as Search
 
+MOST = 100.0
+"""Logarithm of a ratio that is as good as infinite."""
 UNBOUNDED = (
     "no sign and no largest size is asked of an effect in tables of any kind: whether the named cause can be as large, "
     "and have that sign, is for the reader to judge"
@@ -70,14 +72,15 @@ class FoundTableEffect(Found):
         }
 
     def _constant(self, one: Constant) -> dict[str, JsonValue]:
+        """A time constant with the interval of its logarithm, so that none is below zero."""
         known = isfinite(one.stderr) and one.df > 0
-        half = t_limit(0.95, one.df) * one.stderr if known else 0.0
+        times = exp(min(t_limit(0.95, one.df) * one.stderr / one.value, MOST)) if known else 1.0
         return {
             "name": one.what,
             "estimate": one.value,
             "stderr": one.stderr if known else None,
             "unit": self.time_unit,
-            "interval_95": [one.value - half, one.value + half] if known else None,
+            "interval_95": [one.value / times, one.value * times] if known else None,
         }
 
 
