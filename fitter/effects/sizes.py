@@ -121,7 +121,8 @@ def size_with_95(
         one, *other = (size({name: end}, sensitivity, {name: halves[name]}) for end in own)
         least = "at least" if isfinite(ends[name][0]) else "at most"
         told.append(between(one, *other) if other else f"{least} {one}")
-    return f"{text} ({', '.join(told)})"
+    interval, unit = ", ".join(told), text.partition(" ")[2]
+    return f"{text} ({interval.removesuffix(unit).rstrip() if ' ' in unit and len(values) == 1 else interval})"
 
 
 def size_95(size: Size, values: Mapping[str, float], halves: Mapping[str, float], sensitivity: float) -> str:

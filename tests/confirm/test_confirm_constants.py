@@ -91,4 +91,6 @@ def test_where_the_readings_set_no_end_it_is_said():
     assert told == "constant 12 (at most 29)"
     assert size_with_95(each("Hz"), {"lag": 90.0}, {"lag": (10.0, np.inf)}, 1.0) == "90 Hz (at least 10 Hz)"
     assert size_with_95(each("Hz"), {"lag": 20.1}, {"lag": (18.0, 22.6)}, 1.0) == "20.1 Hz (18.0 to 22.6 Hz)"
+    long = size_with_95(each("Hz per unit of flow"), {"lag": 20.1}, {"lag": (18.0, 22.6)}, 1.0)
+    assert long == "20.1 Hz per unit of flow (18.0 to 22.6)", "its unit stands there once"
     assert size_with_95(each("Hz"), {"lag": 20.1}, {"lag": (np.nan, np.nan)}, 1.0) == "20.1 Hz"
