@@ -98,7 +98,7 @@ def test_type_a_is_of_three_replications_and_up_and_down_have_a_line(declared, t
 def test_without_acceptance_the_page_does_not_say_that_the_value_lies_within(declared):
     page = html(declared.document)
     assert "lies within it with the stated coverage probability" not in page
-    assert "rig certificate RUN --traced" in page
+    assert "rig certificate" not in page, "a customer's page has no command lines"
     assert "force_kN²: coefficients of the declared model over the range of this run" in page
     assert "no properties of the item" in page
 
@@ -167,6 +167,12 @@ def test_the_budget_of_a_run_has_the_numbers_of_its_certificate(run, declared):
     assert "the declared model lacks cell: creep:force_kN. Each result that they move has a line for them" in told
     accepted = budget(run, traced=True)
     assert not [note for note in accepted.notes() if note.startswith("the run was traced")]
+
+
+def test_the_terminal_says_how_results_with_the_effects_are_stated(run, tmp_path):
+    done = rig("certificate", run, "--settings", LAB / "certificate.toml", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "--traced states those with them" in " ".join(done.stderr.split())
 
 
 def test_what_a_simulation_leaves_out_of_a_budget_is_said(run):
