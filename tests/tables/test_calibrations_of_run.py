@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from rig.run_file.documents import Stored
 from rig.run_file.events.sessions import Identified
+from rig.run_file.state.documents import Stored
 from rig.tables.table_of_run import _instruments, _standards
 from rig.verbs.chart.inputs import _changes
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rig.procedures.general.effects.columns import wave
 from rig.procedures.general.effects.scene import TableScene, at_levels
 from rig.procedures.general.trace.parts import _shapes
 from rig.procedures.general.trace.places import places_of
@@ -37,3 +38,13 @@ def test_over_five_levels_there_are_four_waves_and_no_period():
     found = [block.place for block in _shapes(nameless, part)]
     assert found
     assert not any("periodic" in place for place in found)
+
+
+@pytest.mark.parametrize("scatter", [0.0, 2e-4, 2e-3, 6e-3])
+def test_no_period_is_as_short_as_the_steps_between_the_levels_that_a_standard_reads(scatter):
+    """Read with noise, nine levels counted as a hundred: a period of one step was named in every sensor."""
+    rng = np.random.default_rng(1)
+    levels = np.repeat([0.62, 1.18, 1.73, 2.28, 2.82, 3.35, 3.88, 4.39, 4.9], 11)
+    read = levels + scatter * rng.standard_normal(levels.size).clip(-2.5, 2.5)
+    scene = TableScene({"flow_kg_per_min": read}, {}, {}, None, None)
+    assert list(wave(scene, "flow_kg_per_min")) == []

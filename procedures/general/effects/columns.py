@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray
-from rig.procedures.general.effects.scene import Profile, TableScene, TableTerm, is_angle
+from rig.procedures.general.effects.scene import Profile, TableScene, TableTerm, at_levels, is_angle
 
 KNOTS, DECAYS = 24, 5
 CYCLES_MOST, OVERSAMPLED, PER_CYCLE = 120, 2, 2.5
@@ -227,7 +227,7 @@ def _different(v: FloatArray) -> int:
 def wave(scene: TableScene, name: str) -> Terms:
     """Sine and cosine of a searched period; not for an angle, which has `harmonic`."""
     v = scene.of(name)
-    distinct = _different(v)
+    distinct = _different(at_levels(v) if name in scene.settings else v)
     if len(v) < FEWEST_FOR_WAVE or distinct < 16 or is_angle(name, v):
         return ()
     span, most = float(np.ptp(v)), min(CYCLES_MOST, int(distinct / PER_CYCLE))
