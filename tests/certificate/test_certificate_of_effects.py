@@ -108,7 +108,7 @@ def test_the_table_of_effects_has_sizes_in_the_outputs_unit_and_the_time_constan
     (effect,) = declared.document.effects
     assert effect.size == (
         "0.000983 V rms, 0.0029 V from end to end (0.0009811 to 0.0009858 V rms); "
-        "time constant 236.3 s (233.8 to 238.8 s)"
+        "time constant 236.3 s (233.9 to 238.8 s)"
     )
     page = html(declared.document)
     assert "time constant 236.3 s" in page
