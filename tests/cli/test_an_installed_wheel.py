@@ -131,12 +131,12 @@ def test_an_installed_wheel_runs_the_demo_beside_packages_named_as_our_folders(w
     assert "pytest" not in needed
     for one in needed.values():
         lend(one, site)
-    # one sensor, half as many points as the short demo has, in as many hours, in which temperature and time differ
+    # one sensor, half as many points as the short demo has, in about as many hours, in which temperature and time differ
     lab = site / "rig" / "examples" / "attitude-lab"
     with_sensors(lab, lab, "x")
     night = lab / "night.toml"
     text = night.read_text()
-    for whole, half in (("pitch_count = 37", "pitch_count = 19"), ("\ndwell_s = 9\n", "\ndwell_s = 48\n")):
+    for whole, half in (("pitch_count = 37", "pitch_count = 19"), ("\ndwell_s = 9\n", "\ndwell_s = 58\n")):
         assert text.count(whole) == 1
         text = text.replace(whole, half)
     night.write_text(text)

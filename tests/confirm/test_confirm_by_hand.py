@@ -46,11 +46,11 @@ def traced() -> dict:
 def followed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     """A dry run of a bench with soft pads, and what `rig confirm --dry` told about it.
 
-    The proposal has a probability of 98 % of settling it: with a world of seed 5 it stays undecided by 2.8 of 3 errors.
+    The proposal has a probability of 98 % of settling it: a world of seed 6 does not show it, those of 5 and 7 to 10 do.
     """
-    print("seed 6")
+    print("seed 5")
     folder = tmp_path_factory.mktemp("pads")
-    first = traced_run(folder, "x", {"isolation_pad": {"pitch_compliance_deg_per_g": 8e-4}}, 13, seed=6)
+    first = traced_run(folder, "x", {"isolation_pad": {"pitch_compliance_deg_per_g": 8e-4}}, 13, seed=5)
     done = rig("confirm", first, "--dry", "--json", "--out", folder)
     assert done.returncode == 0, done.stderr
     return first, json.loads(done.stdout)
