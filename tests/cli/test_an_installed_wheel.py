@@ -131,7 +131,7 @@ def test_an_installed_wheel_runs_the_demo_beside_packages_named_as_our_folders(w
     assert "pytest" not in needed
     for one in needed.values():
         lend(one, site)
-    # one sensor, half as many points as the short demo has, in about as many hours, in which temperature and time differ
+    # one sensor, half as many points as the short demo, in about as many hours, in which temperature and time differ
     lab = site / "rig" / "examples" / "attitude-lab"
     with_sensors(lab, lab, "x")
     night = lab / "night.toml"

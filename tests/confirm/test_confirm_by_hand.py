@@ -46,7 +46,7 @@ def traced() -> dict:
 def followed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     """A dry run of a bench with soft pads, and what `rig confirm --dry` told about it.
 
-    The proposal has a probability of 98 % of settling it: a world of seed 6 does not show it, those of 5 and 7 to 10 do.
+    The proposal has a probability of 98 % of settling it: worlds of seeds 5 and 7 to 10 do, that of seed 6 does not.
     """
     print("seed 5")
     folder = tmp_path_factory.mktemp("pads")
