@@ -141,7 +141,7 @@ def test_a_standard_that_scatters_more_than_is_asked_is_said(tmp_path):
 def test_levels_in_volts_are_as_before(tmp_path):
     told = rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=at(tmp_path, procedure=IN_VOLTS))
     assert told.returncode == 0, told.stderr
-    assert "table of approach" not in told.stdout
+    assert "first as in its table of approach" not in told.stdout
 
 
 @pytest.mark.parametrize(
