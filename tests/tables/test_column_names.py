@@ -196,7 +196,7 @@ def test_registers_and_certificates_know_such_units():
     assert factor("m_per_s2", "mGal") == pytest.approx(1e5)
     assert si_unit("m3_per_h").text == r"\metre\tothe{3}\hour\tothe{-1}"
     term = per_term("mV_per_V per unit of flow_m3_per_h")
-    assert si_unit(term).text == r"\milli\volt\volt\tothe{-1}\metre\tothe{-3}\hour"
+    assert si_unit(term).text == r"\milli\volt\volt\tothe{-1}\hour\metre\tothe{-3}"
 
 
 def test_a_run_of_a_flow_in_cubic_metres_per_hour(tmp_path):
