@@ -31,14 +31,17 @@ BETWEEN = 1e-3
 
 
 def solve(columns: FloatArray, outputs: FloatArray) -> FloatArray:
-    """(q,) least-squares coefficients of columns (n, q) in any units; zero for a zero column."""
+    """(q,) or (q, k) least-squares coefficients of columns (n, q) in any units, of outputs (n,) or (n, k).
+
+    Zero for a zero column.
+    """
     length = np.linalg.norm(columns, axis=0)
     length = np.where(length > 0, length, 1.0)
-    return np.asarray(np.linalg.lstsq(columns / length, outputs, rcond=1e-10)[0] / length)
+    return np.asarray((np.linalg.lstsq(columns / length, outputs, rcond=1e-10)[0].T / length).T)
 
 
 def left(columns: FloatArray, outputs: FloatArray) -> FloatArray:
-    """(n,) residual of the outputs after fitting `columns` (n, q)."""
+    """(n,) or (n, k) residual of the outputs after fitting `columns` (n, q)."""
     return np.asarray(outputs - columns @ solve(columns, outputs)) if columns.shape[1] else outputs
 
 

@@ -147,10 +147,15 @@ def _run_with(asked: RunModels, parts: Mapping[str, Mapping[str, Part]]) -> RunM
     return replace(asked, table=replace(table, columns=columns)).adding(terms)
 
 
+_OF_THAT_STATE = "intervals are of that state alone"
+
+
 def _used(name: str, part: Part, output: str, table: Table, *, covered: bool) -> str:
     if part.holds:
         size = f"{np.max(np.abs(part.off)):.3g} {unit_of(output)}".strip()
-        inside = "intervals are of that state alone" if covered else KNOWN
+        both_ways = part.holds == HALF_WAY
+        own = "the difference is in their uncertainty, as reversibility" if both_ways else _OF_THAT_STATE
+        inside = own if covered else KNOWN
         return (
             f"{name} was fitted and is left out of the calibration, which holds {part.holds}. In the run "
             f"{output} was up to {size} away from that: {inside}"

@@ -17,7 +17,7 @@ OTHER = "cell_V: creep:force_kN: these data cannot separate it from lag:force_kN
 
 
 def member(effect, *, holds):
-    return SimpleNamespace(effect=effect, holds=holds)
+    return SimpleNamespace(effect=effect, holds=holds, sizes={"cell_V": "1.2 mV (1.1 to 1.3)"} if holds else {})
 
 
 def confirmed(verdict="confirmed", effect="drift:elapsed_s"):
@@ -66,6 +66,10 @@ def test_the_state_of_the_effect_says_what_was_excluded():
     (one,) = effects(run(), [outcome], confirmed(), "", {Path("later.sqlite"): "ab" * 16})
     assert one.confirmed
     assert one.how == f"by later.sqlite, head {'ab' * 8}, which excludes ageing:elapsed_s"
+    assert one.size == "1 mV; by the further run 1.2 mV (1.1 to 1.3)"
+    finding.effect = "outliers"
+    (other,) = effects(run(), [outcome], confirmed(), "", {Path("later.sqlite"): "ab" * 16})
+    assert other.how == "the further run was not judged by it"
 
 
 def test_an_effect_that_a_further_run_replaced_has_one_name_on_the_page():

@@ -6,6 +6,7 @@ constants below zero.
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -13,10 +14,12 @@ import numpy as np
 import pytest
 
 from rig.fitter.confirm.constants import profiled
+from rig.fitter.confirm.together import left, solve
 from rig.fitter.effects.sizes import each, size_with_95
 from rig.procedures.general.effects.columns import searched
 from rig.procedures.general.effects.scene import TableTerm
 from rig.procedures.general.run_terms import Label, RunTerm, columns_of
+from rig.verbs.confirm.answers import Confirmed
 
 GAIN, TAU, SEARCHED, T = 20.0, 20.0, 30.252, 1.98
 STEPS = np.random.default_rng(1).uniform(-4.0, 4.0, 60)
@@ -94,3 +97,31 @@ def test_where_the_readings_set_no_end_it_is_said():
     long = size_with_95(each("Hz per unit of flow"), {"lag": 20.1}, {"lag": (18.0, 22.6)}, 1.0)
     assert long == "20.1 Hz per unit of flow (18.0 to 22.6)", "its unit stands there once"
     assert size_with_95(each("Hz"), {"lag": 20.1}, {"lag": (np.nan, np.nan)}, 1.0) == "20.1 Hz"
+
+
+def test_columns_in_several_units_are_fitted_side_by_side_as_one_by_one():
+    """With five other columns of other lengths a size had five errors, and `rig confirm` ended by a fault."""
+    rng = np.random.default_rng(2)
+    columns = rng.standard_normal((40, 5)) * [1.0, 30.0, 0.2, 7.0, 1000.0]
+    outputs = rng.standard_normal((40, 2))
+    assert left(columns, outputs) == pytest.approx(np.column_stack([left(columns, y) for y in outputs.T]), abs=1e-12)
+    assert solve(columns, outputs[:, :1]).shape == (5, 1)
+
+
+def test_an_interval_without_an_end_can_be_kept_in_a_calibration_file():
+    """`rig fit --confirmed-by --out` refused it as too large for a double, and spoke of a column."""
+    names = "causes sigmas p_changed missed shown expected p_shown limit fits p_fits place terms zero sizes"
+    member = SimpleNamespace(
+        **dict.fromkeys(names.split(), 0.0) | {"causes": (), "terms": (), "zero": (), "sizes": {}, "missed": np.nan},
+        effect="ageing:elapsed_s",
+        coefficients=(1.0, np.nan),
+        intervals=((0.5, np.inf), (-np.inf, 2.0)),
+        together=(1.0,),
+        intervals_together=((0.0, np.inf),),
+    )
+    answer = SimpleNamespace(
+        effect="x", verdict="undecided", holding=(), outliers=(), minor_causes=(), members=(member,)
+    )
+    (told,) = Confirmed._answer(None, answer)["members"]
+    assert json.loads(json.dumps(told, allow_nan=False))["interval_95"] == [[0.5, None], [None, 2.0]]
+    assert told["coefficients"] == [1.0, None]

@@ -252,7 +252,8 @@ def effects(
             answer = answers.get(one.effect)
             confirms = answer is not None and answer.verdict == "confirmed"
             word = "" if answer is None or confirms else answer.verdict
-            how = f"{word}{by}".strip() if answer is not None else "no further run was made"
+            unasked = "no further run was made" if confirmed is None else "the further run was not judged by it"
+            how = f"{word}{by}".strip() if answer is not None else unasked
             if answer is not None and confirms and (excluded := [n for n in _excluded(answer) if n in one.aliases]):
                 how += f", which excludes {', '.join(excluded)}"
             if answer is not None and answer.verdict == "replaced":
@@ -261,6 +262,9 @@ def effects(
                 yield Effect(sensor, found.effect, cause, size, True, f"distinguished from {one.effect}{by}", stage)
                 continue
             size = "; ".join((one.size + (f" ({one.size_95})" if one.size_95 else ""), *constants_of(one.more)))
+            if answer is not None and confirms:
+                later = (m.sizes.get(outcome.sensor) for m in answer.members if m.effect == one.effect)
+                size += "".join(f"; by the further run {told}" for told in later if told)
             cause = one.cause.partition(": ")[0].partition("; ")[0]
             yield Effect(sensor, one.effect, cause, size, confirms, how, stage)
 

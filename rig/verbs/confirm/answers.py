@@ -17,6 +17,7 @@ from rig.fitter.confirm import Confirmation, Later, Member, SensorError, confirm
 from rig.fitter.confirm import Confirmed as Judged
 from rig.fitter.confirm.judge import CHANGED, PREDICTED
 from rig.fitter.errors import FitError
+from rig.fitter.json_values import if_finite
 from rig.procedures.present.words import SMALLEST
 from rig.verbs.confirm.first import First, read_later
 
@@ -115,7 +116,7 @@ class Confirmed:
                     "causes": list(m.causes),
                     "sigmas_behind": m.sigmas,
                     "p_changed": m.p_changed,
-                    "missed": m.missed if math.isfinite(m.missed) else None,
+                    "missed": if_finite(m.missed),
                     "sigmas_shown": m.shown,
                     "sigmas_expected": m.expected,
                     "p_shown": m.p_shown,
@@ -124,11 +125,11 @@ class Confirmed:
                     "p_fits": m.p_fits,
                     "misfit": m.place,
                     "terms": list(m.terms),
-                    "coefficients": list(m.coefficients),
-                    "interval_95": [list(i) for i in m.intervals],
+                    "coefficients": list(map(if_finite, m.coefficients)),
+                    "interval_95": [list(map(if_finite, ends)) for ends in m.intervals],
                     "interval_holds_zero": list(m.zero),
-                    "coefficients_both_runs": list(m.together),
-                    "interval_95_both_runs": [list(i) for i in m.intervals_together],
+                    "coefficients_both_runs": list(map(if_finite, m.together)),
+                    "interval_95_both_runs": [list(map(if_finite, ends)) for ends in m.intervals_together],
                     "size": dict(m.sizes),
                 }
                 for m in answer.members
