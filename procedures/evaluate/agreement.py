@@ -25,9 +25,10 @@ DIFFER = "_differ"
 def compared(found: Inference) -> Inference:
     """An inference with what its sensors of one quantity do not agree on: a column of words, and a note.
 
-    The joint standard deviation of two values is the root of the sum of squares, its degrees of freedom are those of
-    Welch and Satterthwaite (JCGM 100, annex G.4). The limit is Student's, for all pairs and rows together 5 %
-    (Bonferroni). Errors that both sensors share cancel in the difference and make the limit wider than it need be.
+    The joint standard deviation of two values is that of their difference: the root of the sum of squares of what is
+    each one's own, and of the difference of what an influence on both does to each. A standard that calibrated both
+    cancels. Degrees of freedom are those of Welch and Satterthwaite (JCGM 100, annex G.4). The limit is Student's, for
+    all pairs and rows together 5 % (Bonferroni).
     """
     for quantity, sensors in found.alike.items():
         found = _compared(found, quantity, sensors)
@@ -88,8 +89,13 @@ def _compared(found: Inference, quantity: str, sensors: Mapping[str, str]) -> In
 
 def _pair(found: Inference, one: str, other: str, sensors: Mapping[str, str], level: float) -> _Pair:
     values = [np.asarray(found.columns[name], np.float64) for name in (one, other)]
-    variances = np.square([np.asarray(found.columns[f"{name}_sd"], np.float64) for name in (one, other)])
+    own = [found.own_sd.get(name, found.columns[f"{name}_sd"]) for name in (one, other)]
+    variances = np.square(np.array(own, np.float64))
     df = np.array([found.df[name] for name in (one, other)], np.float64)
+    if found.shifts:
+        variances = np.vstack([variances, np.square(found.shifts[one] - found.shifts[other])])
+        of_shifts = np.broadcast_to(np.array(found.shifts_df, np.float64)[:, None], found.shifts[one].shape)
+        df = np.vstack([df, of_shifts])
     apart = np.abs(values[0] - values[1])
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(apart > 0.0, apart / np.sqrt(variances.sum(axis=0)), 0.0)

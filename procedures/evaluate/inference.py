@@ -5,7 +5,7 @@ Of rows that lack a value the result is empty, with the reason in the flag; the 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +40,9 @@ class Inference:
         alike: quantities that are one and the same by several sensors, such as `prt_1_bath_degC`: the sensor of each.
         turns: a full turn, in the unit of the quantity, of those that begin again after it, such as angles: 360.
         flags: the column of flags of each quantity, where there are several such columns.
+        own_sd: (n,) standard deviation of each quantity without the influences below; {} if there are none.
+        shifts: (m, n) change of each quantity by one standard uncertainty of each of m influences, the same in all.
+        shifts_df: (m,) degrees of freedom of these.
     """
 
     columns: Mapping[str, Any]
@@ -53,6 +56,9 @@ class Inference:
     alike: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     turns: Mapping[str, float] = field(default_factory=dict)
     flags: Mapping[str, str] = field(default_factory=dict)
+    own_sd: Mapping[str, FloatArray] = field(default_factory=dict)
+    shifts: Mapping[str, FloatArray] = field(default_factory=dict)
+    shifts_df: Sequence[float] = ()
 
     def flag_of(self, quantity: str) -> str | None:
         """The column of reasons why a quantity's values have none or are doubtful; None if it has no such column."""

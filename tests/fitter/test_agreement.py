@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,3 +51,16 @@ def test_by_chance_few_tables_say_anything(seed):
         inference({f"{s}_bath_degC": list(values) for s, values in zip("abc", one, strict=True)}) for one in drawn
     ]
     assert sum(bool(compared(one) is not one) for one in tables) <= 20, "10 of 200 are expected"
+
+
+def test_what_one_standard_does_to_both_cancels_and_what_two_do_does_not():
+    """With total uncertainties 42 joint standard deviations were called 4.7, and 31 were not told."""
+    total = inference({"a_bath_degC": [20.0], "b_bath_degC": [20.5]}, sd=np.hypot(0.05, 0.3))
+    assert compared(total) is total, "as if both had errors of their own"
+    own = {name: np.array([0.05]) for name in total.quantities}
+    shared = {name: np.array([[0.3]]) for name in total.quantities}
+    found = compared(replace(total, own_sd=own, shifts=shared, shifts_df=[np.inf]))
+    assert "7.07 joint standard deviations" in found.notes[0]
+    apart = {"a_bath_degC": np.array([[0.3], [0.0]]), "b_bath_degC": np.array([[0.0], [0.3]])}
+    two = replace(total, own_sd=own, shifts=apart, shifts_df=[np.inf, 50.0])
+    assert compared(two) is two

@@ -115,6 +115,8 @@ def with_total(
     moved = {quantity: [] for quantity in found.quantities}  # type: dict[str, list[FloatArray]]
     df: list[float] = []
     groups: dict[str, list[tuple[FloatArray, float]]] = {quantity: [] for quantity in found.quantities}
+    every: dict[str, list[FloatArray]] = {quantity: [] for quantity in found.quantities}
+    every_df: list[float] = []
     for one in budget.influences:
         error = one.in_use if same_meter else {}
         halves = [
@@ -123,7 +125,9 @@ def with_total(
         ]
         if len(halves) == 1:
             df.append(one.df)
+        every_df += [one.df] * len(halves)
         for quantity in found.quantities:
+            every[quantity] += [half[quantity] for half in halves]
             if len(halves) == 1:
                 moved[quantity].append(halves[0][quantity])
             else:
@@ -150,6 +154,9 @@ def with_total(
         flagged=flagged,
         added=(*found.added, name),
         notes=(f"{words}; {meter}", *budget.notes, *found.notes),
+        own_sd={q: np.asarray(found.columns[f"{q}_sd"], np.float64) for q in found.quantities},
+        shifts={q: np.reshape(moves, (len(every_df), rows)) for q, moves in every.items()},
+        shifts_df=every_df,
     )
 
 
