@@ -154,7 +154,9 @@ def show_answer(answer: Confirmation) -> None:
             same += f"; predicted by the first run, all but {100 * member.missed:.2g} % of it"
         out.print(f"    {behind}shown by {clear}; {same}{fits}", soft_wrap=True)
         size = sizes(member) or ["not told"]
-        out.print("    size in the further run, 95 %: " + escape(f"\n{' ' * 35}".join(size)), soft_wrap=True)
+        by_both = any(one.endswith(", by both runs") for one in size)  # with a searched constant
+        label = f"    size{'' if by_both else ' in the further run'}, 95 %: "
+        out.print(label + escape(f"\n{' ' * len(label)}".join(size)), soft_wrap=True)
     if answer.outliers:
         which = ", ".join(str(row + 1) for row in answer.outliers)
         out.print(

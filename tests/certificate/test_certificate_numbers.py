@@ -64,7 +64,8 @@ def test_a_second_certificate_of_a_run_needs_a_reason_and_says_that_tolerances_c
     second = issue(wider, Issue(tmp_path / "b", because="The customer states another tolerance."))
     said = second.document.deviations
     assert said[0] == (
-        "There is another certificate of the same run, S-2026-001 of 2026-11-24: The customer states another tolerance."
+        "There is another certificate of the same run, S-2026-001 of 2026-11-24. Reason for this one: The customer "
+        "states another tolerance."
     )
     rule = first.document.statements[0].rule
     changed = f"cell output at force 1 kN: 0.6 ± 0.001 V, {rule}; now 0.6 ± 0.01 V, {rule}"

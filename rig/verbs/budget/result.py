@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 
 from rig.errors import UsageError
-from rig.fitter.rounding import with_error
+from rig.fitter.rounding import rounded_df, with_error
 from rig.options import options_of
 from rig.procedures.present.blocks import Block, Grid, Line, headline
 from rig.verbs.budget.evaluation import RunBudget, budget_of, run_with_register, shapes_at
@@ -102,7 +102,7 @@ class Budget(Result):
 
 def _budget(one: Budgeted) -> Iterator[Block]:
     _, u = with_error(one.value, one.standard_uncertainty)
-    df = f"{one.df:.0f}" if isfinite(one.df) and one.df < 1e5 else "infinite"
+    df = rounded_df(one.df) if isfinite(one.df) and one.df < 1e5 else "infinite"
     grid = Grid(("share", "standard uncertainty", "df", "type", "influence", "traced to"), frame="plain", apart=2)
     left = 0
     for line in sorted(one.contributions, key=lambda c: -abs(c.share)):

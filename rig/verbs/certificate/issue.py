@@ -151,7 +151,9 @@ def _of_same_run(document: Document, how: Issue, before: Before | None, earlier:
                 f"{last.number} makes one that replaces it, --because REASON a second one that says why"
             )
         names = " and ".join(f"{one.number} of {one.issued}" for one in others)
-        said.append(f"There is another certificate of the same run, {names}: {how.because.strip()}")
+        said.append(
+            f"There is another certificate of the same run, {names}. Reason for this one: {how.because.strip()}"
+        )
         said.append(_rules_since(last, document))
     return replace(document, deviations=(*filter(None, said), *document.deviations))
 
