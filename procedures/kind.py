@@ -41,6 +41,7 @@ if TYPE_CHECKING:  # they load what few commands need
     from rig.procedures.plan.settings import Acceptance, WarningSettings
     from rig.procedures.tables.table import Reader, Table
     from rig.procedures.tables.unknown_table import UnknownTable
+    from rig.procedures.tables.within import Within
 
 
 class Procedure(Protocol):
@@ -194,6 +195,22 @@ class Kind(ABC):
         Raises:
             DataError: a column is missing, or a value cannot be used.
         """
+
+    def for_readings(self, calibration: Any, within: Mapping[str, Within], count: float) -> Any:
+        """A calibration from `calibration_of` for readings in use that are the mean of another number of them.
+
+        Args:
+            calibration: of outputs.
+            within: the readings of its run, by output.
+            count: number of readings in use.
+
+        Raises:
+            DataError: their scatter is not known, or this kind cannot say.
+        """
+        raise DataError(
+            f"--readings: the error of a reading of {self.title} is not known by the number of its readings; give the "
+            "mean of as many as a point of the run has"
+        )
 
     def confirming(self, traced: Any) -> Confirming | None:
         """A run that it traced, as the first of two; None if no further run is possible."""

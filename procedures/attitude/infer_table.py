@@ -99,6 +99,7 @@ def infer_attitudes(
         quantities=tuple(quantities),
         df=dict(zip(quantities, (found.df, found.roll_df), strict=False)),
         turns=dict.fromkeys(quantities, 360.0),
+        outputs=dict.fromkeys(quantities, calibration.names),
         unused=unused_beside(table, needed, inputs),
     )
 

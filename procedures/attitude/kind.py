@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from rig.procedures.plan.precision import Precision
     from rig.procedures.plan.run_list import RunList
     from rig.procedures.tables.table import Reader, Table
+    from rig.procedures.tables.within import Within
 
 
 class AttitudeKind(Kind):
@@ -125,6 +126,14 @@ class AttitudeKind(Kind):
         from rig.procedures.attitude.results import with_coefficients  # noqa: PLC0415
 
         return with_coefficients(calibration, np.array([coefficients[name] for name in calibration.names]))
+
+    def for_readings(
+        self, calibration: AttitudeCalibration, within: Mapping[str, Within], count: float
+    ) -> AttitudeCalibration:
+        """See `Kind`."""
+        from rig.procedures.evaluate.readings import scatter_of  # noqa: PLC0415
+
+        return calibration.for_readings({n: scatter_of(n, within, count) for n in calibration.names}, count)
 
     def infer(
         self, calibration: AttitudeCalibration, read: Reader, options: InferOptions, other: Callable[[Path], Reader]

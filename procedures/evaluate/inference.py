@@ -40,6 +40,9 @@ class Inference:
         alike: quantities that are one and the same by several sensors, such as `prt_1_bath_degC`: the sensor of each.
         turns: a full turn, in the unit of the quantity, of those that begin again after it, such as angles: 360.
         flags: the column of flags of each quantity, where there are several such columns.
+        outputs: outputs from which each quantity is inferred; none where the error of a reading is stated.
+        uncertainty: what standard deviations and intervals have: "total", or that they are repeatability only.
+        readings: for how many readings in use each quantity's uncertainty holds, or words where that is no number.
         own_sd: (n,) standard deviation of each quantity without the influences below; {} if there are none.
         shifts: (m, n) change of each quantity by one standard uncertainty of each of m influences, the same in all.
         shifts_df: (m,) degrees of freedom of these.
@@ -56,6 +59,9 @@ class Inference:
     alike: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     turns: Mapping[str, float] = field(default_factory=dict)
     flags: Mapping[str, str] = field(default_factory=dict)
+    outputs: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    uncertainty: str = ""
+    readings: Mapping[str, Any] = field(default_factory=dict)
     own_sd: Mapping[str, FloatArray] = field(default_factory=dict)
     shifts: Mapping[str, FloatArray] = field(default_factory=dict)
     shifts_df: Sequence[float] = ()
@@ -72,6 +78,8 @@ class Inference:
             "flagged": self.flagged,
             "quantities": list(self.quantities),
             "added": list(self.added),
+            "uncertainty": self.uncertainty,
+            "mean_of_readings": dict(self.readings),
             "notes": list(self.notes),
             "unused": self.unused.to_json(),
             "zeros": dict(self.zeros),

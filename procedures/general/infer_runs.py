@@ -76,6 +76,7 @@ def infer_sensors(
     added = tuple(name for name in columns if name not in table.columns and name not in table.text)
     notes = tuple(dict.fromkeys(f"{name}: {note}" for name, one in found.items() for note in one.notes))
     df = {name: one.df[one.quantities[0]] for name, one in zip(quantities, found.values(), strict=True)}
+    outputs = {name: one.outputs[one.quantities[0]] for name, one in zip(quantities, found.values(), strict=True)}
     several = {name: sensors for name, sensors in alike.items() if len(sensors) > 1}
     spare = {name: why for name, why in next(iter(found.values())).unused.columns.items() if name not in calibrations}
     spare = {name: why for name, why in spare.items() if all(name in one.unused.columns for one in found.values())}
@@ -91,4 +92,5 @@ def infer_sensors(
         df=df,
         alike=several,
         flags=flags,
+        outputs=outputs,
     )

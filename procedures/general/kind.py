@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from rig.procedures.plan.run_list import RunList
     from rig.procedures.tables.table import Reader, Table
     from rig.procedures.tables.unknown_table import UnknownTable
+    from rig.procedures.tables.within import Within
 
 
 class GeneralKind(Kind):
@@ -193,6 +194,19 @@ class GeneralKind(Kind):
         if isinstance(calibration, Mapping):
             return {name: one.moved(coefficients[name]) for name, one in calibration.items()}
         return calibration.moved(coefficients[calibration.response])
+
+    def for_readings(
+        self,
+        calibration: CurveCalibration | Mapping[str, CurveCalibration],
+        within: Mapping[str, Within],
+        count: float,
+    ) -> CurveCalibration | Mapping[str, CurveCalibration]:
+        """See `Kind`."""
+        from rig.procedures.evaluate.readings import scatter_of  # noqa: PLC0415
+
+        if isinstance(calibration, Mapping):
+            return {n: one.for_readings(scatter_of(n, within, count), count) for n, one in calibration.items()}
+        return calibration.for_readings(scatter_of(calibration.response, within, count), count)
 
     def infer(
         self,

@@ -95,6 +95,7 @@ def infer_pressures(
         zeros=zeros,
         df=df,
         flags=flag_of,
+        outputs={name: (output,) for name, output in zip(quantities, outputs, strict=True)},
     )
 
 

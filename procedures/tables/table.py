@@ -10,6 +10,7 @@ import numpy as np
 
 from rig.fitter.arrays import IntArray
 from rig.procedures.plan.hand_steps import Made
+from rig.procedures.tables.within import Within
 
 Columns = Mapping[str, np.ndarray[Any, np.dtype[np.float64]]]
 SENSOR_TEMPERATURE = "sensor_temperature_degC"
@@ -49,6 +50,7 @@ class Table:
         factors: columns of the factors of a run; of what was set in another unit, what its standard read.
         set_in: columns with the settings of such factors, by the factor.
         understood: how a table of others was read, as JSON values with "sentence"; {} for our own tables.
+        within: the readings of which rows are means, by column, if they were recorded.
     """
 
     source: str
@@ -67,6 +69,7 @@ class Table:
     outputs: Mapping[str, str] = field(default_factory=dict)
     factors: tuple[str, ...] = ()
     set_in: Mapping[str, str] = field(default_factory=dict)
+    within: Mapping[str, Within] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(next(iter({**self.text, **self.columns}.values()), ()))

@@ -24,6 +24,13 @@ def infer(
     data: Annotated[Path, typer.Argument(help="CSV with the outputs", show_default=False)],
     out_file: Annotated[Path, typer.Option("--out", "-o", help="the CSV file to write", show_default=False)],
     same_meter: SameMeterOption = False,
+    readings: Annotated[
+        int | None,
+        typer.Option(
+            help="number of readings of which each row is the mean",
+            show_default="as many as a point of the run had",
+        ),
+    ] = None,
     as_json: JsonOption = False,
     separator: SeparatorOption = None,
     decimal: DecimalOption = None,
@@ -42,7 +49,7 @@ def infer(
     from rig.verbs.infer.result import infer as infer_readings  # noqa: PLC0415
 
     how: dict[str, Any] = {"separator": separator, "decimal": decimal, "encoding": encoding, "header": header}
-    found = infer_readings(calibration, data, out=out_file, same_meter=same_meter, **how, **given)
+    found = infer_readings(calibration, data, out=out_file, same_meter=same_meter, mean_of=readings, **how, **given)
     show_notes(found)
     err.print(f"{mark(found.simulated)}{escape(str(out_file))}: {found.words}", soft_wrap=True)
     if as_json:

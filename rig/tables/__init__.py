@@ -9,6 +9,7 @@ from typing import Any
 from rig.errors import UsageError
 from rig.files.regular import open_regular
 from rig.procedures.tables.table import Table
+from rig.procedures.tables.within import Within
 from rig.tables.csv_files import read_any_csv, read_csv, read_gappy_csv, read_seen_csv, write_csv
 from rig.tables.of_others.file_form import NOTHING, FileForm
 from rig.tables.sizes import usable
@@ -88,6 +89,11 @@ class FileSource:
     def understood(self) -> Mapping[str, Any]:
         """How the table read last was understood; {} for our own tables."""
         return self._read[-1].understood if self._read else {}
+
+    @property
+    def within(self) -> Mapping[str, Within]:
+        """Readings of which the rows of the table read last are means, by column."""
+        return self._read[-1].within if self._read else {}
 
     def _kept(self, table: Table) -> Table:
         self._read[:] = [table]

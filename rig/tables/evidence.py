@@ -6,12 +6,13 @@ like the run itself.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from rig.procedures.column_names import stem_of, with_word
 from rig.procedures.tables.table import Table
+from rig.procedures.tables.within import Within
 from rig.run_file.events.points import Observed
 
 COUNT, FLAG = "count", "flag"
@@ -48,6 +49,15 @@ def evidence_of(seen: Observed, flags: Iterable[str]) -> dict[str, float]:
     return {**found, _READINGS: usual, **{f"{_FLAG}{flag}": 1.0 for flag in flags}}
 
 
+def within_points(every: Sequence[Observed]) -> dict[str, Within]:
+    """The readings of which the outputs of some observations are means, by column."""
+    found = {}
+    for name in {name for seen in every for name in seen.outputs}:
+        channels = [seen.outputs[name] for seen in every if name in seen.outputs]
+        found[name] = Within.of([one["sd"] for one in channels], [len(one["readings"]) for one in channels])
+    return {name: one for name, one in found.items() if one is not None}
+
+
 def _channels(seen: Observed) -> Mapping[str, Mapping[str, Any]]:
     return {**seen.references, **seen.temperatures, **seen.outputs}
 
@@ -73,8 +83,15 @@ def without_evidence(table: Table, needed: Collection[str] = ()) -> Table:
     sds = {with_word(name, _SD) for name in names if stem_of(name)}
     counts = {f"{stem_of(name)}_{_READINGS}" for name in names if stem_of(name)}
     left = {n for n in names if n in sds or n in counts or n == _READINGS or n.startswith(_FLAG)} - set(needed)
+    kept = {name: with_word(name, _SD) for name in table.columns if stem_of(name)}
+    within = {
+        name: Within.of(table.columns[sd].tolist(), table.columns[_READINGS].tolist())
+        for name, sd in kept.items()
+        if sd in table.columns and _READINGS in table.columns and f"{stem_of(name)}_{_READINGS}" not in names
+    }
     return replace(
         table,
+        within={name: one for name, one in within.items() if one is not None},
         columns={name: values for name, values in table.columns.items() if name not in left},
         text={name: values for name, values in table.text.items() if name not in left},
         gaps={name: row for name, row in table.gaps.items() if name not in left},

@@ -34,7 +34,7 @@ from rig.run_file.read.reader import RunReader
 from rig.run_file.state.corrections import Corrections
 from rig.run_file.state.documents import Stored, declared_model, kind_of_run, mounting_of
 from rig.run_file.state.state import read_state
-from rig.tables.evidence import evidence_of, fill_flags
+from rig.tables.evidence import evidence_of, fill_flags, within_points
 from rig.tables.own_times import keep_those_that_differ, own_times, typed_in
 from rig.tables.set_in import put_in_place, setters_of
 
@@ -64,7 +64,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         turned = {f"mounting_{axis}": turn for axis, turn in mounting_of(documents).items()}
         made, settings, typed = ((), [], {}) if salvage else (_by_hand(reader), _set_by_hand(reader), typed_in(reader))
         rows: list[dict[str, float]] = []
-        left_out, rejected, flags = 0, 0, Counter[str]()
+        left_out, rejected, flags, used = 0, 0, Counter[str](), list[Observed]()
         doubted = _doubted(reader.salvage() if salvage else reader.records(WholePlotLost.kind))
         marks = partial(_mark, told_later={} if salvage else _told_later(reader), evidence=evidence)
         corrections = Corrections(reader.salvage() if salvage else reader.records(Corrected.kind), run_list)
@@ -92,9 +92,9 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
                 row["accepted"] = float(accepted)
             if any(turned.values()):
                 row |= dict.fromkeys(_MOUNTING, 0.0) | turned
-            if run.simulated:
-                row["simulated"] = 1.0
+            row |= {"simulated": 1.0} if run.simulated else {}
             rows.append(row)
+            used += [seen] if accepted else []
         instruments, operators = ({}, []) if salvage else (_instruments(reader, documents), _operators(reader))
         last = began if salvage else max((r.utc_s for r in reader.records(Observed.kind)), default=began)
         head, ended = reader.head()[1], not salvage and any(True for _ in reader.records(Ended.kind))
@@ -129,7 +129,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         **({CORRECTED: corrections.told} if corrections.told else {}),
     }
     about = Table(str(path), _package_temperature(columns, bench), run.simulated, provenance)
-    about = _of_sensors(about, bench, run_list, set_in)
+    about = replace(_of_sensors(about, bench, run_list, set_in), within=within_points(used))
     return replace(about, declared=declared_model(documents), kind=kind_of_run(documents), by_hand=made)
 
 

@@ -22,6 +22,7 @@ from rig.procedures.attitude.model import (
     attitude_parameters,
     no_roll_parameters,
 )
+from rig.procedures.tables.within import Within
 
 Range = tuple[float, float]
 KIND = "attitude"
@@ -179,6 +180,20 @@ class AttitudeCalibration:
         found = every[:, i, j] + np.where(i == j, 0.0, every[:, j, i])
         found *= np.sign(i - 1.5) * np.sign(j - 1.5)  # columns: 1, gx, -gy, -gz
         return np.asarray(found * np.where(s == t, 1.0, 2.0)[:, None])
+
+    def for_readings(self, within: Mapping[str, Within], count: float) -> AttitudeCalibration:
+        """The same for readings in use that are the mean of so many readings, by their scatter inside points."""
+        sigma, df = np.empty(len(self.sensors)), np.empty(len(self.sensors))
+        for i, name in enumerate(self.names):
+            variance, own = float(self.sigma_V[i] ** 2), within[name]
+            change = own.change(variance, count)
+            sigma[i] = np.sqrt(variance + change)
+            df[i] = (variance + change) ** 2 / (variance**2 / self.sigma_df[i] + change**2 / max(own.df, 1.0))
+        pairs = zip(self.sensors, sigma.tolist(), df.tolist(), strict=True)
+        sensors = tuple(replace(one, sigma_V=s, df=n) for one, s, n in pairs)
+        drift = self.drift and replace(self.drift, sigma_V=sigma, sigma_df=df)
+        others = tuple((named, member, one.for_readings(within, count)) for named, member, one in self.alternatives)
+        return replace(self, sensors=sensors, drift=drift, alternatives=others)
 
     def parameters(self, name: str) -> tuple[AttitudeParameters | NoRollParameters, float]:
         """The paper's parameters of a stored sensor, with further terms, and their degrees of freedom.

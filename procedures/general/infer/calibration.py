@@ -16,6 +16,7 @@ from rig.fitter.errors import FitError
 from rig.fitter.nonlinear import Curve
 from rig.procedures.general.curves import curve_from_dict, curve_to_dict
 from rig.procedures.general.infer.factored import Factored
+from rig.procedures.tables.within import Within
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,8 @@ class CurveCalibration:
             curve that is asked for.
         between: the range in which the variable is known to be; None for all that was calibrated.
         value_only: whether values are inferred from it without standard deviations and intervals.
+        change: of the variance of a reading in use that is the mean of another number of readings than those of the
+            run, and its degrees of freedom.
     """
 
     response: str
@@ -55,6 +58,7 @@ class CurveCalibration:
     fixed: Mapping[str, float | FloatArray] = field(default_factory=dict)
     between: tuple[float, float] | None = None
     value_only: bool = False
+    change: tuple[float, float] = (0.0, np.inf)
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -174,6 +178,11 @@ class CurveCalibration:
         """The same with (k,) other coefficients, for values alone: what an influence does to them."""
         return replace(self, coefficients=coefficients, value_only=True)
 
+    def for_readings(self, within: Within, count: float) -> CurveCalibration:
+        """The same for a reading in use that is the mean of so many readings."""
+        own = float(self.variances[0]) if len(self.variances) else 0.0
+        return replace(self, change=(within.change(own, count), max(within.df, 1.0)))
+
     def with_reading(self, u: float) -> CurveCalibration:
         """The same for readings of a known standard uncertainty, in units of the response."""
         return replace(self, reading=u)
@@ -199,11 +208,12 @@ class CurveCalibration:
 
         Satterthwaite's of the estimated variances; infinite if all are known.
         """
-        own = self.variances.sum() if self.reading is None else self.reading**2
+        change, df = self.change
+        own = self.variances.sum() + change if self.reading is None else self.reading**2
         of_curve, gradient = self.factored.moments(rows)
         variance, gradient = of_curve + own, gradient + (1.0 if self.reading is None else 0.0)
-        plain = gradient @ self.variances + (0.0 if self.reading is None else own)
-        uncertain = np.einsum("nc,nc->n", gradient @ self.spread, gradient)
+        plain = gradient @ self.variances + (change if self.reading is None else own)
+        uncertain = np.einsum("nc,nc->n", gradient @ self.spread, gradient) + 2.0 * change**2 / df
         if not plain.all():  # the curve fits every row exactly: zero width, for any degrees of freedom
             return variance, np.ones(len(rows))
         with np.errstate(divide="ignore"):

@@ -17,8 +17,9 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.budget import NEAR_95, Budgeted, Check, Influence, Shapes, TypeA, budgets, monte_carlo
 from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
-from rig.procedures.evaluate.budgeting import Evaluation, Shift, Shifts
+from rig.procedures.evaluate.budgeting import Evaluation, Results, Shift, Shifts
 from rig.procedures.evaluate.influences import corrected, explain, influences, with_more
+from rig.procedures.evaluate.readings import as_in_run
 from rig.procedures.evaluate.simulated_budget import whole
 from rig.procedures.evaluate.stated import Statements
 from rig.procedures.kind import Kind
@@ -318,6 +319,7 @@ def budget_of(
     unstated = of.stated.unstated(evaluation.columns)
     meter = SAME_METER if same_meter else OTHER_METER
     notes = [*of.stated.what_is_lacking(unstated), meter, *found.notes, *of.stated.unused]
+    notes += as_in_run(_inferred_from(evaluation, results), of.table.within)
     outside = tuple(outside_of(of.table, at))
     notes += [*outside, *held(of.table, of.config.temperatures, evaluation.columns, at)]
     if of.corrected:
@@ -340,6 +342,15 @@ def budget_of(
         notes += simulated_notes(made, checks, seed)
     told = (tuple(notes), checks, unstated, outside)
     return RunBudget(of, evaluation, made, results.sensors, type_a, found.influences, *told)
+
+
+def _inferred_from(evaluation: Evaluation, results: Results) -> list[str]:
+    """Outputs of the sensors from which results are inferred; those of all, for a result of several."""
+    sensors = {
+        s for name, s in zip(results.names, results.sensors, strict=True) if " inferred " in f" {name} " or not s
+    }
+    every = dict.fromkeys(one for one in results.sensors if one)
+    return [name for name in every if name in sensors or "" in sensors]
 
 
 def of_drift(of: OfRun, evaluation: Evaluation, days: float) -> Iterator[tuple[str, str, Shifts]]:

@@ -38,8 +38,8 @@ _UNCERTAINTY = (
 UNCERTAINTY = (_UNCERTAINTY.format(_LIES),)
 CORRELATED = "Coefficients of one item are correlated: the uncertainty of an output does not follow from theirs alone."
 INFERRED = (
-    "A result that is called inferred is the quantity for one reading in use at the point, taken as in the run: as the "
-    "mean of as many readings. Its value is the point, and its uncertainty that of the quantity that the reading gives."
+    "A result that is called inferred is the quantity for one reading in use at the point. Its value is the point, and "
+    "its uncertainty that of the quantity that the reading gives. A note says of how many readings it is the mean."
 )
 CONDITIONS = ("Of all accepted observations of the run.",)
 BY_RECORD = "The laboratory states {} by its own record; the run did not record it."

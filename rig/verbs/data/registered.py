@@ -18,6 +18,7 @@ from rig.verbs.data.kept import REPEATABILITY, budget_section
 
 if TYPE_CHECKING:
     from rig.procedures.tables.table import Table
+    from rig.procedures.tables.within import Within
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,11 @@ class Corrected:
     def understood(self) -> Mapping[str, Any]:
         """A run file needs no interpretation."""
         return {}
+
+    @property
+    def within(self) -> Mapping[str, Within]:
+        """Readings of which the rows are means, by column."""
+        return self.table.within
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from math import isfinite, isnan
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rig.effects import laboratory_effects
@@ -17,6 +18,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.words import units
 from rig.procedures.tables.unused import sentences, unit_of
+from rig.procedures.tables.within import KEY as READINGS
 from rig.tables import FileForm, FileSource, is_run
 from rig.tables.of_others.file_form import NOTHING
 from rig.verbs.data.kept import REPEATABILITY
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from rig.procedures.evaluate.results import Fitted, Page, Traced
     from rig.procedures.kind import Kind
     from rig.procedures.present.blocks import Block
+    from rig.procedures.tables.within import Within
     from rig.verbs.infer.result import Readings
 
 _ESTIMATES = ("sensor", "of", "name", "unit"), ("estimate", "stderr", "df")
@@ -101,14 +104,18 @@ class Calibration(Evaluated):
         source: str,
         understood: Mapping[str, Any] | None = None,
         uncertainty: Uncertainty = Uncertainty(),  # noqa: B008 - frozen
+        within: Mapping[str, Within] = MappingProxyType({}),
     ) -> None:
         super().__init__(fitted, kind, source, understood)
         self.fitted = fitted
-        self._uncertainty = uncertainty
+        self._uncertainty, self._within = uncertainty, within
 
     @cached_property
     def _told(self) -> dict[str, Any]:
-        return {**super()._told, **self._uncertainty.to_json()}
+        told = super()._told
+        outputs = told.get("sensors") or [told.get("response", "")]
+        within = {name: one.to_dict() for name, one in self._within.items() if name in outputs}
+        return {**told, **({READINGS: within} if within else {}), **self._uncertainty.to_json()}
 
     def notes(self) -> Sequence[str]:
         """As for every result, and which uncertainties its intervals have."""
@@ -153,11 +160,13 @@ class Calibration(Evaluated):
             )
         write_whole(Path(path), lambda file: json.dump(with_hashes(self._told), file, indent=2, allow_nan=False))
 
-    def infer(self, readings: Readings, *, out: str | Path | None = None, **options: Any) -> Inferred:
+    def infer(
+        self, readings: Readings, *, out: str | Path | None = None, mean_of: int | None = None, **options: Any
+    ) -> Inferred:
         """Infer the measured quantities; arguments and errors as for `rig.infer`."""
         check_readings(readings, out, [Path(self.source)], options)
         file = calibration_in(json.dumps(with_hashes(self._told)), f"the fit of {self.source}")
-        return infer_from(file, readings, out, options)
+        return infer_from(file, readings, out, options, mean_of=mean_of)
 
     def __repr__(self) -> str:
         return f"<rig.Calibration of {self.source}: {self.kind.title}>"
@@ -317,7 +326,7 @@ def fit_source(
     else:
         fitted = kind.fit(source, options, leave_out=leave_out, own=laboratory_effects(), keep=keep)
     uncertainty = of.uncertainty(_asked(given), others, keep=keep)
-    return Calibration(fitted, kind, source.name, source.understood, uncertainty)
+    return Calibration(fitted, kind, source.name, source.understood, uncertainty, source.within)
 
 
 def trace_source(source: FileSource, given: Mapping[str, Any]) -> Trace:

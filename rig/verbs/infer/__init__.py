@@ -12,17 +12,20 @@ import numpy as np
 from rig.errors import UsageError
 from rig.procedures.evaluate.agreement import compared
 from rig.procedures.evaluate.inference import Inference
+from rig.procedures.evaluate.readings import in_use
 from rig.procedures.evaluate.results import Options
 from rig.procedures.tables.table import Reader, Table
 from rig.tables import FileForm, read_gappy_csv
 from rig.tables.of_others.file_form import NOTHING
 from rig.verbs.infer.calibration_file import CalibrationFile, calibration_in, read_calibration
-from rig.verbs.infer.total import REPEATABILITY_ONLY, with_total
+from rig.verbs.infer.total import REPEATABILITY, REPEATABILITY_ONLY, saying, with_total
 
 __all__ = ["CalibrationFile", "CsvReader", "Inference", "calibration_in", "csv_reader", "infer", "read_calibration"]
 
 
-def infer(file: CalibrationFile, read: Reader, options: Options, *, same_meter: bool = False) -> Inference:
+def infer(
+    file: CalibrationFile, read: Reader, options: Options, *, same_meter: bool = False, mean_of: int | None = None
+) -> Inference:
     """Infer the measured quantities of a calibration from a table.
 
     Args:
@@ -30,6 +33,7 @@ def infer(file: CalibrationFile, read: Reader, options: Options, *, same_meter: 
         read: reads the table, in which values may be missing.
         options: as the calibration's kind declares them.
         same_meter: whether the meter of the calibration's run reads the sensors, with the same errors.
+        mean_of: number of readings of which one in use is the mean; None for that of the calibration's run.
 
     Raises:
         UsageError: the table cannot be read, or the calibration does not know the errors of that meter.
@@ -37,6 +41,14 @@ def infer(file: CalibrationFile, read: Reader, options: Options, *, same_meter: 
     """
     if file.budget is None and same_meter:
         raise UsageError("--same-meter needs a calibration with influences: rig fit RUN --equipment FILE --out ...")
+
+    calibration = file.calibration
+    if mean_of is not None:
+        if getattr(options, "u_reading", None) is not None:
+            raise UsageError("--readings and --u-reading both say how a reading in use scatters: give one of them")
+        if mean_of < 1:
+            raise UsageError(f"--readings {mean_of}: a reading in use is the mean of one reading, or of more")
+        calibration = file.kind.for_readings(calibration, file.within, mean_of)
 
     files: dict[Path, Reader] = {}
 
@@ -47,11 +59,11 @@ def infer(file: CalibrationFile, read: Reader, options: Options, *, same_meter: 
         return file.kind.infer(calibration, table, options, other)
 
     read = once(read)
-    found = by(file.calibration, read, kept)
+    found = in_use(by(calibration, read, kept), file.within, mean_of)
     if file.budget is None:
-        found = replace(found, notes=(REPEATABILITY_ONLY, *found.notes))
+        found = saying(replace(found, notes=(file.why or REPEATABILITY_ONLY, *found.notes)), REPEATABILITY)
     else:
-        found = with_total(found, file.budget, file.kind, file.calibration, by, read, kept, same_meter=same_meter)
+        found = with_total(found, file.budget, file.kind, calibration, by, read, kept, same_meter=same_meter)
     found = compared(found)
     if file.incomplete:
         found = replace(found, notes=(f"the calibration is of an incomplete run: {file.incomplete}", *found.notes))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,8 @@ from rig.procedures.kind import Kind
 from rig.procedures.kinds import kinds
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.words import incomplete
+from rig.procedures.tables.within import KEY as READINGS
+from rig.procedures.tables.within import Within
 from rig.verbs.infer.content_hash import KEY, NOT_CHECKED, changed
 from rig.verbs.infer.total import KeptBudget
 
@@ -31,6 +33,8 @@ class CalibrationFile:
         incomplete: sentence about missing points of its run, "" if none.
         notes: sentences for every use.
         budget: influences of its instruments; None if it has repeatability only.
+        within: readings of which the rows of its data are means, by output.
+        why: why it has repeatability only, a sentence; "" if the file does not say.
     """
 
     kind: Kind
@@ -39,6 +43,8 @@ class CalibrationFile:
     incomplete: str
     notes: tuple[str, ...] = ()
     budget: KeptBudget | None = None
+    within: Mapping[str, Within] = field(default_factory=dict)
+    why: str = ""
 
 
 def read_calibration(path: Path) -> CalibrationFile:
@@ -81,11 +87,20 @@ def calibration_in(text: str, source: str) -> CalibrationFile:
             words = (NOT_CHECKED, *words)
         budget = KeptBudget.of(given["budget"]) if "budget" in given else None
         calibration = kind.calibration_of(given)
-        return CalibrationFile(kind, calibration, bool(about.get("simulated")), incomplete(about), words, budget)
+        within = {str(name): Within.from_dict(one) for name, one in given.get(READINGS, {}).items()}
+        simulated = bool(about.get("simulated"))
+        told = (within, "" if budget else _why(given))
+        return CalibrationFile(kind, calibration, simulated, incomplete(about), words, budget, *told)
     except RecursionError:
         raise UsageError(f"{source} is nested too deeply to be a calibration file") from None
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
         raise _no_calibration(source, error) from error
+
+
+def _why(given: Mapping[str, Any]) -> str:
+    """Why standard deviations and intervals are repeatability only, a sentence; "" if the file does not say."""
+    told = str(given.get("uncertainty", ""))
+    return f"standard deviations and intervals are {told}" if told else ""
 
 
 def _check_unchanged(given: Any, source: str) -> None:

@@ -70,6 +70,9 @@ class Inferred(Columned):
     def words(self) -> str:
         """Number of rows, number of flagged rows, and added columns."""
         added = f"{', '.join(self.found.quantities)} with _sd, _lo95, _hi95 and flag"
+        counts = {str(one) for one in self.found.readings.values()}
+        if len(counts) == 1 and (count := counts.pop()).isdigit():
+            added += ", for a reading in use that is " + ("one" if count == "1" else f"the mean of {count}")
         return f"{len(self)} rows, {self.found.flagged} flagged; {added}"
 
     def blocks(self) -> Iterable[Block]:
@@ -117,6 +120,7 @@ def infer(
     encoding: str | None = None,
     header: int | None = None,
     same_meter: bool = False,
+    mean_of: int | None = None,
     **options: Any,
 ) -> Inferred:
     """Infer the measured quantities of a calibration file.
@@ -130,6 +134,7 @@ def infer(
         encoding: of its text.
         header: row of its column names; 0 for none.
         same_meter: whether the meter of the calibration's run reads the sensors, with the same errors.
+        mean_of: number of readings of which each row is the mean; None for as many as a point of the run had.
         options: of `rig infer`, with underscores for hyphens.
 
     Raises:
@@ -144,7 +149,8 @@ def infer(
     path = Path(calibration)
     check_readings(readings, out, [path], options)
     asked = FileForm.of(separator, decimal, encoding, header)
-    return infer_from(read_calibration(path), readings, out, options, asked, same_meter=same_meter)
+    use: dict[str, Any] = {"same_meter": same_meter, "mean_of": mean_of}
+    return infer_from(read_calibration(path), readings, out, options, asked, **use)
 
 
 def infer_from(
@@ -155,12 +161,13 @@ def infer_from(
     asked: FileForm = NOTHING,
     *,
     same_meter: bool = False,
+    mean_of: int | None = None,
 ) -> Inferred:
     """The same with a calibration that has been read; arguments and errors as for `infer`."""
     given = {name: value for name, value in options.items() if value is not None}
     chosen = options_of(file.kind, given, lambda kind: kind.infer_options, f"this calibration is of {file.kind.title}")
     reader = _reader(readings, asked)
-    found = inference.infer(file, reader, chosen, same_meter=same_meter)
+    found = inference.infer(file, reader, chosen, same_meter=same_meter, mean_of=mean_of)
     understood = reader.understood if isinstance(reader, CsvReader) else {}
     if out is not None:
         write_csv(found.columns, Path(out))

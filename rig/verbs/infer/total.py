@@ -24,7 +24,7 @@ from rig.procedures.tables.table import Reader, Table
 REPEATABILITY_ONLY = (
     "standard deviations and intervals are repeatability only: no influence of the calibration's instruments is in them"
 )
-TOTAL, COLUMN = "total", "uncertainty"
+TOTAL, REPEATABILITY, COLUMN = "total", "repeatability only", "uncertainty"
 FIRST_ORDER = 1.0 / 12.0
 """Largest move of an angle by an influence, in full turns, of a row without a flag: 30 deg."""
 
@@ -138,8 +138,6 @@ def with_total(
     rows = len(next(iter(columns.values())))
     told, flagged = _flags(found, columns, moved, groups)
     columns |= told
-    name = COLUMN if COLUMN not in columns else f"inferred_{COLUMN}"
-    columns[name] = np.full(rows, TOTAL, dtype=object)
     words = (
         f"standard deviations and intervals are total: scatter, and the influences of the register {budget.register!r}"
     )
@@ -149,15 +147,21 @@ def with_total(
         else "errors of the meter that reads the sensors in use are not in them"
     )
     return replace(
-        found,
-        columns=columns,
+        saying(replace(found, columns=columns), TOTAL),
         flagged=flagged,
-        added=(*found.added, name),
         notes=(f"{words}; {meter}", *budget.notes, *found.notes),
         own_sd={q: np.asarray(found.columns[f"{q}_sd"], np.float64) for q in found.quantities},
         shifts={q: np.reshape(moves, (len(every_df), rows)) for q, moves in every.items()},
         shifts_df=every_df,
     )
+
+
+def saying(found: Inference, uncertainty: str) -> Inference:
+    """An inference that says what its standard deviations and intervals have, in a column and in its JSON."""
+    name = COLUMN if COLUMN not in found.columns else f"inferred_{COLUMN}"
+    rows = len(next(iter(found.columns.values())))
+    columns = {**found.columns, name: np.full(rows, uncertainty, dtype=object)}
+    return replace(found, columns=columns, added=(*found.added, name), uncertainty=uncertainty)
 
 
 def _half(
