@@ -10,10 +10,10 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.sizes import each, size_with_95
+from rig.fitter.trace.engine.term import TableTerm
 from rig.procedures.general.effects import TableEffect
 from rig.procedures.general.effects.columns import without_side
 from rig.procedures.general.effects.literal import Rows, column
-from rig.procedures.general.effects.scene import TableTerm
 from rig.procedures.general.effects.time_columns import TIME_CONSTANT, of_start
 
 

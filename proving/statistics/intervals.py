@@ -24,13 +24,13 @@ from proving.truth.table import simulate as simulate_table
 from proving.truth.whole_plot import Bench, Run, Transducer
 from proving.truth.whole_plot import simulate as simulate_whole_plots
 from rig.fitter.quantiles import t_limit
+from rig.fitter.trace.engine.judge import TableJudge
 from rig.procedures.attitude.evaluate import AttitudeTraced
 from rig.procedures.attitude.trace import trace
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.evaluate import GeneralTraced
 from rig.procedures.general.trace import trace_general
 from rig.procedures.general.trace.estimate import estimate
-from rig.procedures.general.trace.judge import TableJudge
 from rig.procedures.general.trace.run import problem_of
 from rig.procedures.pressure.evaluate import WholePlotTraced
 from rig.procedures.pressure.fitted import Declared

@@ -18,9 +18,9 @@ from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.laws import Law, drawn, laws
 from proving.truth.table import Lab, options, simulate
+from rig.fitter.trace.engine.judge import TableJudge
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.trace import trace_general
-from rig.procedures.general.trace.judge import TableJudge
 from rig.procedures.general.trace.run import problem_of
 from rig.procedures.general.trace.together import together
 from rig.procedures.tables.table import Table

@@ -16,8 +16,8 @@ import pytest
 from rig.fitter.confirm.constants import profiled
 from rig.fitter.confirm.together import left, solve
 from rig.fitter.effects.sizes import each, size_with_95
+from rig.fitter.trace.engine.term import TableTerm
 from rig.procedures.general.effects.columns import searched
-from rig.procedures.general.effects.scene import TableTerm
 from rig.procedures.general.run_terms import Label, RunTerm, columns_of
 from rig.verbs.confirm.answers import Confirmed
 

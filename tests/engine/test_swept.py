@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from rig.bench.config import parse_procedure
+from rig.fitter.trace.engine import family
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.planning import advice
 from rig.procedures.general.settings import GeneralProcedure
 from rig.procedures.general.swept import functions_alike, swept
-from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace import trace_general
 from rig.procedures.tables.table import Table
 
 N = 30

@@ -11,11 +11,11 @@ from proving.truth.attitude import D1, Bench
 from proving.truth.attitude import simulate as attitude
 from proving.truth.whole_plot import simulate as whole_plots
 from rig.fitter.resolution import least_sd, resolution, robust_sd
+from rig.fitter.trace.engine.robust import excess, scale
 from rig.procedures.attitude.trace.outliers import outliers
 from rig.procedures.general.column_roles import Roles
 from rig.procedures.general.evaluate import trace_general_table
 from rig.procedures.general.gross import of_table
-from rig.procedures.general.trace.robust import excess, scale
 from rig.procedures.pressure.fit import named_formula
 from rig.tables import FileSource, write_csv
 

@@ -13,6 +13,7 @@ from general_lab import BENCH, PROCEDURE, REFERENCE, WORLD, WORLD_WITH_STANDARD,
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.formula import Formula
+from rig.fitter.trace.engine.family import TableFamily
 from rig.procedures.errors import DataError
 from rig.procedures.general.charting import CHARTING
 from rig.procedures.general.column_roles import Roles, roles_of
@@ -22,7 +23,6 @@ from rig.procedures.general.infer import CurveCalibration
 from rig.procedures.general.infer_table import infer_general
 from rig.procedures.general.of_runs import reader_of
 from rig.procedures.general.trace import search_table
-from rig.procedures.general.trace.family import TableFamily
 from rig.procedures.general.trace.report import _doubt
 from rig.procedures.tables.table import Table
 

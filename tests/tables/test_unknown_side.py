@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rig.fitter.trace.engine import family
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.directions import with_changes
 from rig.procedures.general.effects import effects_of
 from rig.procedures.general.effects.columns import loop, side, side_times, without_side
 from rig.procedures.general.effects.literal import Rows, column
 from rig.procedures.general.run_terms import columns_of
-from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace import trace_general
 from rig.procedures.tables.table import Table
 
 LEVELS = [4.0, 5.0, 6.0, 7.0, 8.0, 7.0, 6.0, 5.0, 4.0]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rig.fitter.trace.engine import family
 from rig.procedures.general.column_roles import Roles
 from rig.procedures.general.common import common_of
 from rig.procedures.general.evaluate import trace_general_table
-from rig.procedures.general.trace import family
 from rig.procedures.tables.table import Table
 
 SLOPES = {"a_Hz": 100.0, "b_Hz": 180.0, "c_Hz": 260.0}

@@ -7,13 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rig.fitter.trace.engine import family
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.effects import effects_of
 from rig.procedures.general.effects.literal import Rows, column
 from rig.procedures.general.effects.time_columns import lag, lagging, of_start
 from rig.procedures.general.run_terms import columns_of
 from rig.procedures.general.together import Remembered, Whole
-from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace import trace_general
 from rig.procedures.general.trace.cross import _undetermined
 from rig.procedures.general.trace.run import problem_of
 from rig.procedures.tables.table import Table

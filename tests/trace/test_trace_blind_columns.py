@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from rig.fitter.trace.engine import family
 from rig.procedures.errors import DataError
 from rig.procedures.general.column_roles import Roles, parts_played, roles_of
 from rig.procedures.general.evaluate import GeneralTraced
-from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace import trace_general
 from rig.procedures.tables.table import Table
 
 

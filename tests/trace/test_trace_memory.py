@@ -9,10 +9,11 @@ import numpy as np
 from proving.truth import whole_plot
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN, sized
+from rig.fitter.trace.engine import family
 from rig.fitter.trace.latches import latches
 from rig.procedures.attitude.trace import trace
 from rig.procedures.general.column_roles import Roles, roles_of
-from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace import trace_general
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.trace import trace_whole_plots
 from rig.procedures.tables.table import Table

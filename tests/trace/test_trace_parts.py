@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from proving.truth.whole_plot import SUBPLOT, Bench, Run, Transducer, simulate
+from rig.fitter.trace.engine import family
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.noise import Wandering
 from rig.fitter.trace.in_part import p_in_part
 from rig.procedures.general.column_roles import Roles, roles_of
-from rig.procedures.general.trace import family, trace_general
-from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.noise import Wandering
+from rig.procedures.general.trace import trace_general
 from rig.procedures.general.trace.parts import in_parts
 from rig.procedures.general.trace.run import problem_of
 from rig.procedures.general.trace.unmodelled import UnmodelledSmooth

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rig.fitter.trace.engine import family
 from rig.fitter.trace.repeats import repeats
 from rig.procedures.general.column_roles import Roles, roles_of
-from rig.procedures.general.trace import family, report, trace_general
+from rig.procedures.general.trace import report, trace_general
 from rig.procedures.tables.table import Table
 
 PERIOD_S = 438.0

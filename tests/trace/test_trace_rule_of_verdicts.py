@@ -6,10 +6,11 @@ import pytest
 from proving.statistics.laws import SHAPES, blind, judged
 from proving.truth.laws import laws
 from proving.truth.table import options, simulate
+from rig.fitter.trace.engine import family
+from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.jointly import polynomials, spread_evenly
 from rig.procedures.general.column_roles import Roles, roles_of
-from rig.procedures.general.trace import family, report
-from rig.procedures.general.trace.judge import TableJudge
+from rig.procedures.general.trace import report
 from rig.procedures.general.trace.run import problem_of
 from rig.procedures.general.trace.together import together
 from rig.procedures.tables.table import Table

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from proving.truth.table import CLOCKED, MISSING, Lab, options, simulate
+from rig.fitter.trace.engine import family
 from rig.procedures.errors import DataError
 from rig.procedures.general.column_roles import Roles, roles_of
-from rig.procedures.general.trace import family, search_table, trace_general
+from rig.procedures.general.trace import search_table, trace_general
 from rig.procedures.tables.table import Table
 
 NIST = json.loads((Path(__file__).parents[1] / "reference/nist/linear.json").read_text())["sets"]

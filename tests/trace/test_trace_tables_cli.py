@@ -10,7 +10,7 @@ import pytest
 from proving.truth.table import MISSING, simulate
 from rig.cli import main
 from rig.cli.show import out
-from rig.procedures.general.trace import family
+from rig.fitter.trace.engine import family
 from rig.procedures.present.effects_shown import show_certificate
 from rig.procedures.present.terminal import show
 from rig.procedures.present.words import units

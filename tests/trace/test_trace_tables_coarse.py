@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from rig.fitter.trace.coarse import lattice
+from rig.fitter.trace.engine import family
 from rig.procedures.general.column_roles import Roles, roles_of
-from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace import trace_general
 from rig.procedures.tables.table import Table
 
 LEVELS = np.linspace(0.0, 200.0, 9)

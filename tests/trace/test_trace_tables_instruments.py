@@ -8,9 +8,10 @@ import pytest
 from proving.statistics.laboratories import named
 from proving.truth.instruments import CAUSES
 from proving.truth.table import Lab, options, simulate
+from rig.fitter.trace.engine import family
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.effects.quantities import are_neighbours, is_quantity
-from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace import trace_general
 from rig.procedures.tables.table import Table
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from test_trace_tables_noise import WHEN, N, wandering_covariances
 
+from rig.fitter.trace.engine.noise import Independent, Wandering
+from rig.fitter.trace.engine.problem import Problem
 from rig.procedures.general.trace.intervals import in_words, moved, understated
-from rig.procedures.general.trace.noise import Independent, Wandering
-from rig.procedures.general.trace.problem import Problem
 
 RNG = np.random.default_rng(11)
 X = np.column_stack([np.ones(N), np.linspace(0.0, 9.0, N), RNG.normal(size=N)])

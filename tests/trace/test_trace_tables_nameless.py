@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from proving.truth.table import Lab, options, simulate
+from rig.fitter.trace.engine import family
 from rig.fitter.trace.two_levels import two_levels
 from rig.procedures.general.column_roles import Roles, roles_of
-from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace import trace_general
 from rig.procedures.tables.table import Table
 
 

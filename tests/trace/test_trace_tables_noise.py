@@ -7,17 +7,19 @@ import pytest
 from scipy.special import fdtrc
 
 from proving.truth.table import MISSING, Lab, options, simulate
+from rig.fitter.trace.engine import both
+from rig.fitter.trace.engine.both import STEPS, WANDERS, Both
+from rig.fitter.trace.engine.family import family_of
+from rig.fitter.trace.engine.likelihood import Grid
+from rig.fitter.trace.engine.noise import WIDE, Wandering
+from rig.fitter.trace.engine.problem import Problem
+from rig.fitter.trace.engine.robust import excess
+from rig.fitter.trace.engine.score import View, score
+from rig.fitter.trace.engine.shared import RATIOS, Shared
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.effects.scene import TableScene
-from rig.procedures.general.trace import both, search_table
-from rig.procedures.general.trace.both import STEPS, WANDERS, Both
-from rig.procedures.general.trace.family import family_of
-from rig.procedures.general.trace.likelihood import Grid
-from rig.procedures.general.trace.noise import WIDE, Wandering
-from rig.procedures.general.trace.problem import Problem, candidates_of
-from rig.procedures.general.trace.robust import excess
-from rig.procedures.general.trace.score import View, score
-from rig.procedures.general.trace.shared import RATIOS, Shared
+from rig.procedures.general.trace import search_table
+from rig.procedures.general.trace.candidates import candidates_of
 from rig.procedures.tables.table import Table
 
 N = 14

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from proving.truth.table import MISSING, options, simulate
+from rig.fitter.trace.engine import family
 from rig.procedures.errors import DataError
 from rig.procedures.general import report as general_report
 from rig.procedures.general.column_roles import Roles, parts_played, roles_of
 from rig.procedures.general.effects import effects_of
 from rig.procedures.general.evaluate import GeneralTraced
-from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace import trace_general
 from rig.procedures.tables.table import Table
 from rig.verbs.page import render
 

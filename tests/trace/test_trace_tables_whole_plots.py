@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rig.fitter.trace.engine.judge import TableJudge
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.trace.estimate import estimate
-from rig.procedures.general.trace.judge import TableJudge
 from rig.procedures.general.trace.run import problem_of
 from rig.procedures.tables.table import Table
 

@@ -13,6 +13,7 @@ from proving.truth.attitude import simulate
 from proving.truth.attitude_hidden import CLEAN
 from proving.truth.whole_plot import SUBPLOT
 from proving.truth.whole_plot import simulate as simulate_whole_plots
+from rig.fitter.trace.engine import family
 from rig.procedures.attitude.evaluate import AttitudeTraced
 from rig.procedures.attitude.trace import trace
 from rig.procedures.attitude.trace.drawn import axes_of as attitude_axes
@@ -20,7 +21,6 @@ from rig.procedures.attitude.trace.places import between_replications
 from rig.procedures.attitude.trace.places import places_of as attitude_places
 from rig.procedures.general.column_roles import Roles
 from rig.procedures.general.evaluate import trace_general_table
-from rig.procedures.general.trace import family
 from rig.procedures.present.text_picture import picture
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.evaluate import WholePlotTraced

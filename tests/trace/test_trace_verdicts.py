@@ -11,6 +11,7 @@ import pytest
 import strong_truth
 
 from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.engine import family
 from rig.fitter.trace.found import Unnamed, verdict
 from rig.fitter.trace.keep import kept
 from rig.fitter.trace.shares import of_rest, shares
@@ -23,7 +24,7 @@ from rig.procedures.attitude.trace.pose import pose
 from rig.procedures.attitude.trace.run import stays
 from rig.procedures.attitude.trace.score import score
 from rig.procedures.general.column_roles import Roles, roles_of
-from rig.procedures.general.trace import family, trace_general
+from rig.procedures.general.trace import trace_general
 from rig.procedures.general.trace.run import LEVEL
 from rig.procedures.present.words import verdict_of
 from rig.procedures.pressure.trace import trace_whole_plots

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rig.fitter.trace.engine.shared import scale_of
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.trace import search_table
-from rig.procedures.general.trace.shared import scale_of
 from rig.procedures.tables.table import Table
 
 PLOTS, APART, NOISE = 12, 3e-3, 4e-6

@@ -11,22 +11,23 @@ from proving.truth.table import MISSING, Lab, options, simulate
 from rig.fitter.linear import orthonormal
 from rig.fitter.resolution import least_robust_sd, robust_sd
 from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.engine import family, judge
+from rig.fitter.trace.engine import problem as problems
+from rig.fitter.trace.engine.both import Both
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.lengths import Simulated
+from rig.fitter.trace.engine.likelihood import Grid
+from rig.fitter.trace.engine.noise import WIDE, Independent, Wandering
+from rig.fitter.trace.engine.rivals import rivals
+from rig.fitter.trace.engine.score import View
+from rig.fitter.trace.engine.shared import Shared
 from rig.fitter.trace.jointly import nearest, ranks
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.effects.instrument_columns import BORDERS, range_gain, range_step
 from rig.procedures.general.effects.scene import Stood, TableScene
 from rig.procedures.general.effects.time_columns import lagging
-from rig.procedures.general.trace import cross, family, judge
-from rig.procedures.general.trace import problem as problems
-from rig.procedures.general.trace.both import Both
-from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.lengths import Simulated
-from rig.procedures.general.trace.likelihood import Grid
-from rig.procedures.general.trace.noise import WIDE, Independent, Wandering
-from rig.procedures.general.trace.rivals import rivals
+from rig.procedures.general.trace import cross
 from rig.procedures.general.trace.run import problem_of
-from rig.procedures.general.trace.score import View
-from rig.procedures.general.trace.shared import Shared
 from rig.procedures.tables.table import Table
 
 LARGE = Lab(2600, 4, clock=True)

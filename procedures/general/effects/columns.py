@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray
-from rig.procedures.general.effects.scene import Profile, TableScene, TableTerm, at_levels, is_angle
+from rig.fitter.trace.engine.term import Profile, TableTerm
+from rig.procedures.general.effects.scene import TableScene, at_levels, is_angle
 
 KNOTS, DECAYS = 24, 5
 CYCLES_MOST, OVERSAMPLED, PER_CYCLE = 120, 2, 2.5

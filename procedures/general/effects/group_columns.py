@@ -6,8 +6,9 @@ from itertools import combinations
 
 import numpy as np
 
+from rig.fitter.trace.engine.term import TableTerm
 from rig.procedures.general.effects.columns import Terms, origin, power_text
-from rig.procedures.general.effects.scene import TableScene, TableTerm
+from rig.procedures.general.effects.scene import TableScene
 
 
 def offsets(scene: TableScene, group: str) -> Terms:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.engine.term import TableTerm
 from rig.procedures.column_names import with_word
 from rig.procedures.general.effects.columns import Terms, evenly, middle, rounded, searched, whole
 from rig.procedures.general.effects.quantities import is_quantity
-from rig.procedures.general.effects.scene import TableScene, TableTerm, is_temperature
+from rig.procedures.general.effects.scene import TableScene, is_temperature
 
 DECADES = 0.15
 """Settings spread over decades if their median size is below this share of the largest; on an even scale it is 0.5."""

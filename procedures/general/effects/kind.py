@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from rig.fitter.effects.entry import Entry, Stratum
+from rig.fitter.trace.engine.term import TableTerm
 from rig.procedures.general.effects.quantities import Quantity, are_neighbours, is_quantity
-from rig.procedures.general.effects.scene import TableScene, TableTerm
+from rig.procedures.general.effects.scene import TableScene
 
 Of = Literal[
     "constant",

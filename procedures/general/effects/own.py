@@ -14,8 +14,9 @@ import numpy as np
 
 from rig.fitter.effects.own import Grammar
 from rig.fitter.effects.own_formula import OwnFormula
+from rig.fitter.trace.engine.term import TableTerm
 from rig.procedures.general.effects.kind import TableEffect, TableKind
-from rig.procedures.general.effects.scene import TableScene, TableTerm
+from rig.procedures.general.effects.scene import TableScene
 
 
 class _AnyColumn(Collection[str]):

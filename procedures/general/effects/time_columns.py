@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.engine.term import Profile, TableTerm
 from rig.procedures.general.effects.columns import (
     FEWEST_FOR_KNOT,
     Terms,
@@ -20,7 +21,7 @@ from rig.procedures.general.effects.columns import (
     wave,
     whole,
 )
-from rig.procedures.general.effects.scene import CYCLES, Profile, Stood, TableScene, TableTerm
+from rig.procedures.general.effects.scene import CYCLES, Stood, TableScene
 
 STEPS, LAGS, SETTLINGS = 60, 10, 12
 TIME_CONSTANT = "time constant"

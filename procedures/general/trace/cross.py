@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from rig.fitter.arrays import IntArray
 from rig.fitter.linear import orthonormal
+from rig.fitter.trace.engine.family import TableFamily
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.noise import Wandering
+from rig.fitter.trace.engine.problem import Candidate, Problem
+from rig.fitter.trace.engine.refine import refined
+from rig.fitter.trace.engine.rivalry import Rivalry
+from rig.fitter.trace.engine.shared import Shared
 from rig.fitter.trace.search import search_and_name
 from rig.procedures.general.effects.time_columns import of_start
 from rig.procedures.general.trace.estimate import estimate
-from rig.procedures.general.trace.family import TableFamily
-from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.noise import Wandering
-from rig.procedures.general.trace.problem import Candidate, Problem
-from rig.procedures.general.trace.refine import refined
-from rig.procedures.general.trace.rivalry import Rivalry
-from rig.procedures.general.trace.shared import Shared
 
 SMALL, FOLDS, BLOCKS, SEED = 12, 5, 20, 5
 SHARING = "groups with an error in common"

@@ -13,9 +13,9 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.errors import FitError
 from rig.fitter.linear import orthonormal
 from rig.fitter.split_plot import fit_split_plot
-from rig.procedures.general.effects.scene import Profile
-from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.shared import Shared
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.shared import Shared
+from rig.fitter.trace.engine.term import Profile
 
 
 class Constant(NamedTuple):

@@ -9,9 +9,9 @@ from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.doubts import rests_on
+from rig.fitter.trace.engine.problem import Problem
 from rig.fitter.trace.search import names_of
 from rig.procedures.general.gross import of_table
-from rig.procedures.general.trace.problem import Problem
 from rig.procedures.general.trace.run import Found, TableData, problem_of, search_table
 from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 

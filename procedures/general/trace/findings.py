@@ -12,16 +12,16 @@ from rig.fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUA
 from rig.fitter.resolution import least_sd, resolution
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.coarse import lattice
+from rig.fitter.trace.engine.both import Both
+from rig.fitter.trace.engine.family import of_all
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.noise import Wandering
+from rig.fitter.trace.engine.robust import scale
 from rig.fitter.trace.growing_noise import Growth, OfLevels
-from rig.procedures.general.trace.both import Both
 from rig.procedures.general.trace.estimate import error_of
-from rig.procedures.general.trace.family import of_all
 from rig.procedures.general.trace.few_rows import Searched
 from rig.procedures.general.trace.intervals import in_words, moved, understated
-from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.noise import Wandering
 from rig.procedures.general.trace.result import FoundTableEffect
-from rig.procedures.general.trace.robust import scale
 from rig.procedures.general.trace.run import FITTED, SIZE_OF_FITTED, TableData
 
 SHOWN = 8

@@ -8,7 +8,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
-from rig.procedures.general.trace.judge import TableJudge
+from rig.fitter.trace.engine.judge import TableJudge
 
 UNDETERMINED = 1e-10
 NOTABLE = 0.05

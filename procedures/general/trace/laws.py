@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from rig.fitter.trace.doubts import another_law
+from rig.fitter.trace.engine.judge import ALIKE
 from rig.fitter.trace.search import names_of
 from rig.procedures.general.effects.of_settings import CLIP, KINK
-from rig.procedures.general.trace.judge import ALIKE
 from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
 CURVES = "nonlinearity"

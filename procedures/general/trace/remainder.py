@@ -10,15 +10,15 @@ from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
+from rig.fitter.trace.engine.both import Both
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.noise import Wandering
+from rig.fitter.trace.engine.score import NOTHING_LEFT
 from rig.fitter.trace.found import Unnamed
 from rig.fitter.trace.lines import CLEAR, Line
 from rig.fitter.trace.shape import Shape
-from rig.procedures.general.trace.both import Both
 from rig.procedures.general.trace.drawn import drawn, drawn_period
-from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.noise import Wandering
 from rig.procedures.general.trace.parts import in_parts
-from rig.procedures.general.trace.score import NOTHING_LEFT
 from rig.procedures.general.trace.smooth import Smooth, curve, offered
 from rig.procedures.general.trace.unmodelled import ResidualShape, UnmodelledSmooth
 

@@ -13,6 +13,10 @@ from rig.fitter.linear import orthonormal
 from rig.fitter.quantiles import t_tail
 from rig.fitter.trace.aliases import DELTA
 from rig.fitter.trace.doubts import CHANCE, MANY, beside_a_wander, by_chance, several_causes
+from rig.fitter.trace.engine.both import Both
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.noise import Wandering
+from rig.fitter.trace.engine.shared import Shared
 from rig.fitter.trace.found import verdict
 from rig.fitter.trace.not_kept import in_place_of
 from rig.fitter.trace.search import names_of
@@ -21,19 +25,15 @@ from rig.procedures.general.effects import TableEffect
 from rig.procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
 from rig.procedures.general.effects.time_columns import lag
 from rig.procedures.general.swept import all_swept, functions_alike, swept_once
-from rig.procedures.general.trace.both import Both
 from rig.procedures.general.trace.cross import SHARING, left_out
 from rig.procedures.general.trace.drawn import drawn_instead
 from rig.procedures.general.trace.estimate import Estimate, estimate, strata_of
 from rig.procedures.general.trace.few_rows import searched
 from rig.procedures.general.trace.findings import noise_findings
-from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.noise import Wandering
 from rig.procedures.general.trace.reasons import doubts_of
 from rig.procedures.general.trace.remainder import pure_error, unnamed
 from rig.procedures.general.trace.result import FoundTableEffect, TableSide, TableTrace
 from rig.procedures.general.trace.run import Found, TableData
-from rig.procedures.general.trace.shared import Shared
 from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 from rig.procedures.tables.unused import unit_after, unit_of
 

@@ -11,19 +11,20 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import DELTA
 from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.engine.both import Both
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.likelihood import Grid
+from rig.fitter.trace.engine.noise import Independent, Noise, Wandering
+from rig.fitter.trace.engine.problem import Problem, Quantities
+from rig.fitter.trace.engine.refine import refined
+from rig.fitter.trace.engine.shared import Shared, scale_of
 from rig.fitter.trace.growing_noise import Growth, OfLevels, growth_of
 from rig.fitter.trace.keep import kept, never_above
 from rig.fitter.trace.not_kept import NotKept
 from rig.fitter.trace.search import names_of, prune, search_and_name
 from rig.procedures.general.effects.scene import TableScene
-from rig.procedures.general.trace.both import Both
+from rig.procedures.general.trace.candidates import candidates_of
 from rig.procedures.general.trace.estimate import error_of, stated
-from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.likelihood import Grid
-from rig.procedures.general.trace.noise import Independent, Noise, Wandering
-from rig.procedures.general.trace.problem import Problem, Quantities, candidates_of
-from rig.procedures.general.trace.refine import refined
-from rig.procedures.general.trace.shared import Shared, scale_of
 
 ROUNDS = 3
 ORDERS = ("first-order", "second-order", "third-order", "fourth-order", "fifth-order")

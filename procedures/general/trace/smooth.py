@@ -9,8 +9,8 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.json_values import JsonValue
 from rig.fitter.linear import orthonormal
+from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.found import Unnamed
-from rig.procedures.general.trace.judge import TableJudge
 
 MOST_ORDERS, PER_ORDER, ROWS_PER_ORDER = 12, 3, 4
 """Maximum order of a curve, and minimum numbers of distinct values and rows per order."""

@@ -9,10 +9,10 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.noise import Noise
 from rig.fitter.trace.flexible import Block, orders_of, waves
 from rig.fitter.trace.jointly import PER_COLUMN, Jointly, Metric, jointly, polynomials, spread_evenly
-from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.noise import Noise
 from rig.procedures.general.trace.places import Place
 from rig.procedures.general.trace.run import TableData
 

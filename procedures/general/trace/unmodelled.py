@@ -24,6 +24,10 @@ from rig.fitter.trace.doubts import (
     several_values,
     something_left,
 )
+from rig.fitter.trace.engine.both import Both
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.likelihood import Grid
+from rig.fitter.trace.engine.noise import Noise, Wandering
 from rig.fitter.trace.fine_periods import fine_period
 from rig.fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, tried, turns
 from rig.fitter.trace.lines import Line, folded, line
@@ -31,10 +35,6 @@ from rig.fitter.trace.repeats import HARMONICS, ORDERS, repeats
 from rig.fitter.trace.search import names_of
 from rig.fitter.trace.two_levels import TwoLevels, two_levels
 from rig.procedures.general.effects.scene import at_levels
-from rig.procedures.general.trace.both import Both
-from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.likelihood import Grid
-from rig.procedures.general.trace.noise import Noise, Wandering
 from rig.procedures.general.trace.places import Place, places_of
 from rig.procedures.general.trace.run import TableData, times_of
 from rig.procedures.general.trace.together import together

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.procedures.general.trace.noise import BoolArray, Noise
+from rig.fitter.trace.engine.noise import BoolArray, Noise
 
 _TINY = np.finfo(float).tiny
 _MOST = 600.0

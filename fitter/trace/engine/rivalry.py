@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.procedures.general.trace.likelihood import Likelihoods
-from rig.procedures.general.trace.noise import BoolArray
-from rig.procedures.general.trace.problem import Problem
+from rig.fitter.trace.engine.likelihood import Likelihoods
+from rig.fitter.trace.engine.noise import BoolArray
+from rig.fitter.trace.engine.problem import Problem
 
 Rivalry = Literal["any", "fast", "slow"]
 """Kinds of rivals: the best-fitting noise, without an effect and with it; the same for noise of short memory; or, with

@@ -9,7 +9,7 @@ from typing import Self
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.procedures.general.trace.noise import BoolArray
+from rig.fitter.trace.engine.noise import BoolArray
 
 RATIOS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0, 4.0, 8.0, 16.0, 40.0, 100.0, 400.0)
 """Variance of the common error of a group over that of a row in it."""

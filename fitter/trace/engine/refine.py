@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from rig.fitter.linear import orthonormal
-from rig.procedures.general.effects.scene import Profile
-from rig.procedures.general.trace.judge import TableJudge
-from rig.procedures.general.trace.problem import Problem
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.problem import Problem
+from rig.fitter.trace.engine.term import Profile
 
 SWEEPS = 2
 

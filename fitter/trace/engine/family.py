@@ -25,10 +25,10 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.sums_of_squares import project_out
 from rig.fitter.trace.chance import ALPHA
-from rig.procedures.general.trace.lengths import Part, Simulated, Single
-from rig.procedures.general.trace.noise import BoolArray
-from rig.procedures.general.trace.problem import SPARED, Problem
-from rig.procedures.general.trace.score import FEWEST_FOR_SCATTER, Blocks, View
+from rig.fitter.trace.engine.lengths import Part, Simulated, Single
+from rig.fitter.trace.engine.noise import BoolArray
+from rig.fitter.trace.engine.problem import SPARED, Problem
+from rig.fitter.trace.engine.score import FEWEST_FOR_SCATTER, Blocks, View
 
 WORK = 1.2e9
 """Maximum number of multiplications of a simulation."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Rival
-from rig.procedures.general.trace.problem import Candidate, Problem
-from rig.procedures.general.trace.score import View
+from rig.fitter.trace.engine.problem import Candidate, Problem
+from rig.fitter.trace.engine.score import View
 
 CLOSEST = 6
 """Number of effects tried with several terms if the found effect has several."""

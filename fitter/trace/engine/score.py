@@ -18,7 +18,7 @@ from scipy.linalg.lapack import dpstrf, dtrtrs
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
-from rig.procedures.general.trace.problem import SPARED, Problem
+from rig.fitter.trace.engine.problem import SPARED, Problem
 
 BoolArray = NDArray[np.bool_]
 Apart = tuple[FloatArray, BoolArray, IntArray, IntArray, FloatArray]

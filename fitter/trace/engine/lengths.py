@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
-from rig.procedures.general.trace.problem import Problem
-from rig.procedures.general.trace.score import NOTHING_LEFT, Apart, in_turn
+from rig.fitter.trace.engine.problem import Problem
+from rig.fitter.trace.engine.score import NOTHING_LEFT, Apart, in_turn
 
 Single = NDArray[np.float32]
 NARROW = 12

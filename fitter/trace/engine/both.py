@@ -14,8 +14,8 @@ from typing import Self
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.procedures.general.trace.noise import BoolArray, Wandering
-from rig.procedures.general.trace.shared import Shared
+from rig.fitter.trace.engine.noise import BoolArray, Wandering
+from rig.fitter.trace.engine.shared import Shared
 
 RATIOS = (0.0, 0.1, 0.5, 2.0, 10.0, 100.0)
 """Variance of the common error of a group over the variance of a row in it."""

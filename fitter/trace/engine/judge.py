@@ -11,14 +11,14 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.aliases import PER_COLUMN, Rival
 from rig.fitter.trace.chance import ALPHA
-from rig.procedures.general.trace.family import CERTAIN, TableFamily, evidence, family_of, least_of
-from rig.procedures.general.trace.lengths import Simulated
-from rig.procedures.general.trace.likelihood import Grid, Likelihoods, ratio
-from rig.procedures.general.trace.problem import Candidate, Problem
-from rig.procedures.general.trace.rivalry import Rivalry, Trial, possible_of
-from rig.procedures.general.trace.rivals import rivals
-from rig.procedures.general.trace.robust import excess
-from rig.procedures.general.trace.score import View, ranked, score
+from rig.fitter.trace.engine.family import CERTAIN, TableFamily, evidence, family_of, least_of
+from rig.fitter.trace.engine.lengths import Simulated
+from rig.fitter.trace.engine.likelihood import Grid, Likelihoods, ratio
+from rig.fitter.trace.engine.problem import Candidate, Problem
+from rig.fitter.trace.engine.rivalry import Rivalry, Trial, possible_of
+from rig.fitter.trace.engine.rivals import rivals
+from rig.fitter.trace.engine.robust import excess
+from rig.fitter.trace.engine.score import View, ranked, score
 
 SHORTLIST = 8
 """Number of effects examined closely at each step, by their reduction of the residual."""
@@ -47,7 +47,7 @@ Key = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False)
 class TableJudge:
-    """A `rig.procedures.attitude.trace.search.Judge` of tables.
+    """A `rig.fitter.trace.search.Judge` of blocks of columns.
 
     Attributes:
         problem: the table.
