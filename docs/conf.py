@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+import runpy
 import tomllib
+from functools import cache
 from pathlib import Path
 
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
+
+from rig.explain import explained
 
 DOCS = Path(__file__).parent.resolve()
 PROJECT = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -30,14 +34,14 @@ autodoc_typehints = "description"
 napoleon_use_ivar = True
 
 
-DIAGRAM = re.compile(r"```mermaid\n.*?```\n", re.DOTALL)
-UNDRAWN = "The diagram is drawn on the page's source in the repository; the tables say the same.\n"
-"""What draws a diagram is a script from a network: the site does without."""
+GENERATED = re.compile(r"<!-- rig explain ([\w -]+) -->\n")
 LINK = re.compile(r"\[([^\]]*)\]\(([^)#:\s]+)(?:#[^)]*)?\)")
 
 
 def prepared(app: Sphinx, document: str, text: list[str]) -> None:
-    """A link to a file that is no page of the site becomes the name of the file in the repository; no diagrams."""
+    """Generated references; a link to a file that is no page of the site becomes the name of the file in the
+    repository.
+    """
     folder = (DOCS / document).parent
 
     def named(link: re.Match[str]) -> str:
@@ -46,7 +50,22 @@ def prepared(app: Sphinx, document: str, text: list[str]) -> None:
             return link[0]
         return f"{link[1]} in `{target.relative_to(DOCS.parent)}`"
 
-    text[0] = DIAGRAM.sub(UNDRAWN, LINK.sub(named, text[0]))
+    text[0] = GENERATED.sub(generated, LINK.sub(named, text[0])).replace("<!-- tools/floor_plan -->\n", rooms())
+
+
+def generated(mark: re.Match[str]) -> str:
+    """What `rig explain` prints, in place of a mark; without its heading if the mark names one part."""
+    topic, _, name = mark[1].partition(" ")
+    found = explained(topic, name)
+    return re.sub(r"\A#.*\n+", "", found) if name else found
+
+
+@cache
+def rooms() -> str:
+    """The table of the floor plan."""
+    plan = runpy.run_path(str(DOCS.parent / "tools" / "floor_plan"))
+    known = plan["rooms"]()
+    return str(plan["table"](plan["arrows"](known), known))
 
 
 def setup(app: Sphinx) -> None:

@@ -310,6 +310,10 @@ class Kind(ABC):
         """Grammar of a laboratory's own effects; None if they are not possible."""
         return None
 
+    def explained(self, topic: str) -> str:
+        """Markdown for `rig explain effects` (its catalogue) and `rig explain models`; "" for none."""
+        return ""
+
     def recognises(self, columns: Collection[str]) -> bool:
         """Whether a table without a declared kind is of this one, by its columns."""
         return False

@@ -15,7 +15,7 @@ class ExitCode(IntEnum):
 
     Attributes:
         meaning: what a code says.
-        next: what to do then. Both are in docs/reference/exit_codes.md, which is generated.
+        next: what to do then. `rig explain exit-codes` prints both.
     """
 
     meaning: str

@@ -66,6 +66,12 @@ class AttitudeKind(Kind):
 
         return GRAMMAR
 
+    def explained(self, topic: str) -> str:
+        """See `Kind`."""
+        from rig.procedures.attitude.catalogue_shown import catalogue  # noqa: PLC0415
+
+        return catalogue() if topic == "effects" else ""
+
     def recognises(self, columns: Collection[str]) -> bool:
         """By columns of this kind only."""
         return bool({"pitch_deg", "roll_deg"} & set(columns))

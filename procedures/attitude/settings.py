@@ -1,6 +1,6 @@
 """The pitch-roll procedure: `procedure.toml` with `kind = "pitch-roll"`, checked and expanded to a run list.
 
-It is also the reference of the file format: `docs/reference/files.md` is generated from it.
+It is also the reference of the file format: `rig explain procedure` prints it.
 """
 
 from __future__ import annotations

@@ -62,6 +62,12 @@ class GeneralKind(Kind):
 
         return GRAMMAR
 
+    def explained(self, topic: str) -> str:
+        """See `Kind`."""
+        from rig.procedures.general import catalogue_shown  # noqa: PLC0415
+
+        return {"effects": catalogue_shown.catalogue, "models": catalogue_shown.models}[topic]()
+
     def fit(
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
     ) -> Fitted:

@@ -1,7 +1,7 @@
 """The general procedure: `procedure.toml` with `kind = "general"`, checked and expanded to a run list.
 
 Any number of factors, easy or hard to change, any sensors, any formula. It is also the reference of the file format:
-`docs/reference/files.md` is generated from it.
+`rig explain procedure` prints it.
 """
 
 from __future__ import annotations

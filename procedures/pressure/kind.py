@@ -75,6 +75,12 @@ class PressureKind(Kind):
 
         return GRAMMAR
 
+    def explained(self, topic: str) -> str:
+        """See `Kind`."""
+        from rig.procedures.pressure.catalogue_shown import catalogue  # noqa: PLC0415
+
+        return catalogue() if topic == "effects" else ""
+
     def recognises(self, columns: Collection[str]) -> bool:
         """By columns of this kind only."""
         return bool({"whole_plot", "pressure_psia"} & set(columns))

@@ -2,7 +2,7 @@
 
 Temperatures are hard to change and constant in a whole plot; pressures are randomised inside it. The default design is
 that of the MEADS pressure transducers (McCollum, Commo and Parker, section II.B): 20 whole plots of 11 pressures. It is
-also the reference of the file format: `docs/reference/files.md` is generated from it.
+also the reference of the file format: `rig explain procedure` prints it.
 """
 
 from __future__ import annotations

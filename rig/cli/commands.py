@@ -110,6 +110,11 @@ COMMANDS = {
         "rig.cli.seal",
         "Seal a run file and its certificates: a signature by a key, or the time stamp of an authority.",
     ),
+    "explain": Entry(
+        _TRYING,
+        "rig.cli.explain",
+        "Explain the keys of files, options of instruments, effects, models, commands, and exit codes.",
+    ),
     "demo": Entry(
         _TRYING,
         "rig.cli.demo",

@@ -1,6 +1,6 @@
 """The sequencer's states and triggers: one flat table, the only definition of permitted transitions.
 
-`docs/reference/sequencer.md` is made from it by `tools/reference`.
+`rig explain states` shows it.
 """
 
 from __future__ import annotations
@@ -151,33 +151,3 @@ def machine() -> Machine:
     ]
     states = [str(s) for s in State]
     return Machine(states=states, initial=str(State.READY), transitions=transitions, auto_transitions=False)
-
-
-def diagram() -> str:
-    """The table as a Mermaid state diagram."""
-    lines = ["stateDiagram-v2", "    [*] --> ready"]
-    lines += [f"    {source} --> {t.target}: {t.trigger}" for t in TRANSITIONS for source in t.sources]
-    lines += [f"    {state} --> [*]" for state in sorted(FINAL)]
-    return "\n".join(lines)
-
-
-def document() -> str:
-    """`docs/reference/sequencer.md`."""
-    states = "\n".join(f"| {state} | {meaning} |" for state, meaning in MEANING.items())
-    triggers = "\n".join(f"| {t.trigger} | {', '.join(t.sources)} | {t.target} | {t.when} |" for t in TRANSITIONS)
-    return f"""# The sequencer
-
-Made by `tools/reference` from the table in `rig/engine/states.py`.
-
-| state | meaning |
-| --- | --- |
-{states}
-
-| trigger | from | to | when |
-| --- | --- | --- | --- |
-{triggers}
-
-```mermaid
-{diagram()}
-```
-"""

@@ -1,4 +1,4 @@
-"""Faults of a simulated bench: the [[faults]] of a world file (docs/reference/faults.md)."""
+"""Faults of a simulated bench: the [[faults]] of a world file (docs/reference/simulation.md)."""
 
 from rig.sims.faults.fault import Fault, Kind, Option, Striking
 from rig.sims.faults.faulty_wire import FaultyWire

@@ -34,8 +34,8 @@ class PersonTruth:
     Attributes:
         comes: whether a person comes when a step by hand is asked for.
         after_s: time until the step is done.
-        states: number that the person states if one is asked for; None for the middle of the accepted range, 0 without
-            one.
+        states: number that the person states if one is asked for; without it the middle of the accepted range, or 0
+            if there is no range.
         sets_s: time until a factor is set, when that is asked for.
         reads_s: time until a reading is typed, when that is asked for.
     """

@@ -7,7 +7,7 @@ wrong type is a `WorldError` with its place and permitted values.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, fields, replace
 from datetime import UTC, date, datetime
 from difflib import get_close_matches
 from math import inf, isfinite
@@ -142,6 +142,11 @@ def accepts(kind: Kind) -> Mapping[str, Kind]:
     return {_KIND: kind}
 
 
+def kind_of(declared: Field[Any]) -> Any:
+    """Permitted values of a dataclass field (a `Kind`); None if it is an inner table."""
+    return declared.metadata.get(_KIND)
+
+
 def quantity(default: float, low: float = -inf, high: float = inf) -> Any:
     """A dataclass field that is a number within a range."""
     return field(default=default, metadata=accepts(Number(low, high)))
@@ -167,7 +172,7 @@ def read_table(base: Table, values: object, where: str, axes: Mapping[str, str])
     """
     if not isinstance(values, Mapping):
         raise WorldError(f"{where} must be a table, [{where}] (it is {values!r})")
-    kinds = {f.name: f.metadata.get(_KIND) for f in fields(base)}  # type: ignore[arg-type]  # a dataclass
+    kinds = {f.name: kind_of(f) for f in fields(base)}  # type: ignore[arg-type]  # a dataclass
     known_keys(values, kinds, where)
     checked = {}
     for name, value in values.items():

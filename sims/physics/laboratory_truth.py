@@ -58,9 +58,9 @@ class SourceTruth:
 
     Attributes:
         formula: the true value, from the value `set`; "" for exactly that.
-        time_constant_s: of its approach; a person's setting is there at once. None for what the bench file says of the
-            instrument, or what is usual of its unit.
-        rest: the value before the first setting, and with the output off. None for 0, or the laboratory's mean
+        time_constant_s: of its approach; a person's setting is there at once. Without it, that of the instrument in
+            the bench file; else 480 for degC, 0.5 for other units.
+        rest: the value before the first setting, and with the output off; without it 0, for degC the laboratory's mean
             temperature.
     """
 

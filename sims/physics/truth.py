@@ -1,6 +1,6 @@
 """World files (`world.toml`): the truth behind a simulated bench.
 
-The fit and the trace never read it. Every key carries its unit; docs/reference/worlds.md explains each. The default
+The fit and the trace never read it. Every key carries its unit; `rig explain world` prints each. The default
 world has ideal effects, ordinary sensors and an ordinary day.
 """
 

@@ -19,8 +19,18 @@ def section(title: str) -> list[str]:
     return [line for line in found.splitlines() if line.startswith("| ")][2:]
 
 
-def test_the_picture_is_fresh():
-    assert PLAN["renewed"](TEXT) == TEXT, "run tools/floor_plan"
+def test_rooms_are_drawn_and_none_imports_one_that_imports_it():
+    known = PLAN["rooms"]()
+    found = PLAN["arrows"](known)
+    drawn = "\n".join(PLAN["picture"](found, known))  # an error for a circle
+    assert "rig_cli --> rig_watch" in drawn
+    assert PLAN["table"](found, known).count("\n") == len(known) + 2
+
+
+def test_every_room_is_on_the_page():
+    inner = {room for room in PLAN["rooms"]() if room.count(".") == 1}
+    kinds = {"procedures.attitude", "procedures.pressure", "procedures.general"}
+    assert {room for room in inner - kinds if f"`{room.replace('.', '/')}/`" not in TEXT} == set()
 
 
 def test_a_circle_of_rooms_is_named_and_no_picture():
@@ -32,7 +42,7 @@ def test_arrows_that_follow_from_others_are_left_out():
     assert PLAN["fewest"]({("a", "b"), ("b", "c"), ("a", "c")}) == {("a", "b"), ("b", "c")}
 
 
-@pytest.mark.parametrize(("document", "least"), [("docs/explanation/architecture.md", 80), ("CONTRIBUTING.md", 8)])
+@pytest.mark.parametrize(("document", "least"), [("docs/explanation/architecture.md", 60), ("CONTRIBUTING.md", 8)])
 def test_every_file_it_names_exists(document, least):
     text = (ROOT / document).read_text(encoding="utf-8")
     named = [name for name in re.findall(r"`([\w./-]+)`", text) if "/" in name and "KIND" not in name]

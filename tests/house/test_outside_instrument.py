@@ -19,8 +19,8 @@ from proving.night.scenario import draw
 from rig.bench.bench_file import check_options
 from rig.bench.contract_files import read_bench
 from rig.errors import BusyError
+from rig.explain import explained
 from rig.instruments.locks import locked_addresses
-from rig.reference import document
 from rig.run_file.read.reader import RunReader
 
 SEED = 17
@@ -106,7 +106,7 @@ def test_it_is_served_to_another_process_and_the_doctor_asks_it_there(bench, tmp
 
 
 def test_its_options_are_in_the_reference():
-    assert '`[instruments.NAME]` with `driver = "acme-m7"`' in document()
+    assert explained("instruments", "acme-m7").startswith("## `acme-m7`")
 
 
 @pytest.mark.parametrize("heeded", [True, False])

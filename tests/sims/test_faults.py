@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from importlib.metadata import entry_points
-from pathlib import Path
 
 import pytest
 from faulty_bench import ATTITUDE, PRESSURE, faulty, up
@@ -13,9 +11,8 @@ from rig.bench.config import parse_bench
 from rig.drivers.errors import DriverError
 from rig.drivers.wires.modbus import float_of_words
 from rig.errors import ConfigurationError
-from rig.sims.faults import COMMON, Fault, kinds_of, read_faults
+from rig.sims.faults import Fault, kinds_of, read_faults
 from rig.sims.physics import WorldError
-from rig.sims.twin import TwinClass
 from rig.simulated.dry_run import DryBench, twin_class
 
 SERIAL, MODBUS, CAN = ("esp301", "dvm", "scanner", "pace"), ("enclosure", "chamber"), ("cia402", "daq")
@@ -406,36 +403,6 @@ def test_every_entry_goes_back_into_a_world_file_as_it_was():
     assert read_faults(faults, twins) == faults
     assert str(faults[0]) == "late-reply on pace at exchange 40 (delay_s 2.0)"
     assert read_faults([Fault(kinds_of(twins["pace"])["unplugged"], "pace", at_s=1.0)], twins)[0].for_s == 20.0
-
-
-def test_the_page_lists_every_kind_with_its_options():
-    text = (Path(__file__).parents[2] / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
-    for row in rows():
-        assert row in text, f"docs/reference/faults.md lacks: {row}"
-
-
-def rows() -> list[str]:
-    """The table of docs/reference/faults.md."""
-    found = []
-    twins = {point.name: twin_class(point.name) for point in entry_points(group="rig.twins")}
-    for kind in COMMON:
-        lasts = "" if not kind.lasts_s else f"`for_s` {kind.lasts_s:g}"
-        counts = f"`times` 1 ({kind.counts})" if kind.counts else ""
-        options = "; ".join(
-            f"`{key}` {f'{o.default:g}' if isinstance(o.default, float) else o.default or '(none)'}: {o.meaning}"
-            + (f" ({', '.join(o.words)})" if o.words else "")
-            for key, o in kind.options.items()
-        )
-        whom = "the bench" if kind.of_bench else ", ".join(kind.wires) or _whom(kind.name, twins)
-        found.append(
-            f"| `{kind.name}` | {whom} | {kind.sentence} | {'; '.join(filter(None, (counts, lasts, options)))} |"
-        )
-    return found
-
-
-def _whom(kind: str, twins: dict[str, TwinClass]) -> str:
-    names = sorted(name for name, twin in twins.items() if kind in kinds_of(twin))
-    return "any instrument" if len(names) == len(twins) else ", ".join(names)
 
 
 # The tape.

@@ -1,8 +1,4 @@
-"""Reference of file formats, generated from the models that check the files.
-
-`tools/reference` writes docs/reference/files.md; `python -m rig.reference` prints it, with the drivers and kinds
-of other packages that are installed.
-"""
+"""Keys of files and options of instruments, from the models that check them."""
 
 from __future__ import annotations
 
@@ -17,42 +13,45 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from rig.bench.config import BenchConfig
-from rig.bench.plugins import driver_class, installed, packages
+from rig.bench.plugins import driver_class, installed
 from rig.procedures.kinds import kinds
 from rig.register import Register
 from rig.verbs.certificate.settings import CertificateSettings
 
-_HEAD = """# Files
 
-Made by `tools/reference` from the models that check the files. Units are in the names. A key that is not listed is an
-error; the message has the nearest known name. Options of an instrument depend on its driver:
-[instruments](instruments.md), [instruments described in the bench file](../how_to/scpi.md). The truth behind a
-simulated bench, `world.toml`, is in [worlds](worlds.md).
-"""
+def bench() -> str:
+    """Keys of `bench.toml`."""
+    return _joined("## bench.toml", *_tables(BenchConfig, "", {}))
 
 
-def document() -> str:
-    """The whole reference as Markdown."""
+def equipment() -> str:
+    """Keys of `equipment.toml`."""
+    return _joined("## equipment.toml", *_tables(Register, "", {}))
+
+
+def certificate() -> str:
+    """Keys of `certificate.toml`."""
+    return _joined("## certificate.toml", *_tables(CertificateSettings, "", {}))
+
+
+def procedure() -> str:
+    """Keys of `procedure.toml` of every kind."""
     seen: Seen = {}
-    parts = [_HEAD]
-    parts += ["## bench.toml", *_tables(BenchConfig, "", {})]
-    others = [name for name in installed("rig.drivers") if name not in drivers()]
-    parts += [
-        f'### `[instruments.NAME]` with `driver = "{name}"`, besides the above\n\n{options(name)}' for name in others
-    ]
-    parts += ["## equipment.toml", *_tables(Register, "", {})]
-    parts += ["## certificate.toml", *_tables(CertificateSettings, "", {})]
+    parts = []
     for name, kind in kinds().items():
         if kind.settings is not None:
             parts += [f'## procedure.toml, `kind = "{name}"`', *_tables(kind.settings, "", seen)]
             seen.update({path: (kind_of or name, rows) for path, (kind_of, rows) in seen.items()})
+    return _joined(*parts)
+
+
+def instruments() -> str:
+    """Options of every installed driver."""
+    return _joined(*(f"## `{name}`\n\n{options(name)}" for name in installed("rig.drivers")))
+
+
+def _joined(*parts: str) -> str:
     return "\n\n".join(parts) + "\n"
-
-
-def drivers() -> list[str]:
-    """Names of our own drivers; their options are in docs/reference/instruments.md and docs/how_to/scpi.md."""
-    names = installed("rig.drivers")
-    return [name for name in names if not packages("rig.drivers", [name])]
 
 
 def options(driver: str) -> str:
@@ -170,7 +169,3 @@ def _default(name: str, field: FieldInfo, given: object) -> str:
     if isinstance(value, dict):
         return ", ".join(f"`{k}`: `{v}`" for k, v in value.items())
     return f"`{value}`"
-
-
-if __name__ == "__main__":
-    print(document(), end="")
