@@ -1,6 +1,6 @@
 """A forger of run files: changes whatever it is told to and makes every hash again, without any code of the project.
 
-What it takes: the format as docs/explanation/verify.md has it, and twenty lines.
+What it takes: the format as docs/how_to/verify.md has it, and twenty lines.
 """
 
 from __future__ import annotations

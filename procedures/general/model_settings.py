@@ -21,7 +21,7 @@ class SensorModel(Strict):
     standard: str | None = Field(
         None,
         min_length=1,
-        description="instead: a standard model by name, such as callendar-van-dusen (docs/reference/table_models.md)",
+        description="instead: a standard model by name, such as callendar-van-dusen (docs/reference/models.md)",
     )
     abscissa: str | None = Field(
         None, description="the factor that it is about, if there are several: budgets infer it, at the others' values"

@@ -22,7 +22,7 @@ class FitOptions(Options):
     model: str | None = Field(
         None,
         description="a standard model in place of a formula, such as callendar-van-dusen "
-        "(docs/reference/table_models.md)",
+        "(docs/reference/models.md)",
     )
     abscissa: str | None = Field(None, description="column that --model, or --u-x, is about")
     start: list[str] | None = Field(

@@ -40,7 +40,7 @@ sets_s = 20
 
 
 def test_the_example_of_the_load_cell_parts_cell_and_readout_by_a_step_of_a_person(tmp_path, monkeypatch):
-    text = (ROOT / "docs" / "explanation" / "confirm.md").read_text().split("**In the example of the load cell.**")[1]
+    text = (ROOT / "docs" / "how_to" / "confirm.md").read_text().split("in the example of the load cell\n")[1]
     (tmp_path / "effects.toml").write_text(text.split("```toml\n")[1].split("```")[0])
     monkeypatch.setenv("RIG_EFFECTS", str(tmp_path / "effects.toml"))
     hidden = text.split("With `")[1].split("`")[0]

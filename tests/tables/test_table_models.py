@@ -1,4 +1,4 @@
-"""docs/reference/table_models.md: its commands print what it says."""
+"""docs/reference/models.md: its commands print what it says."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rig.procedures.general.fit import fit_general
 from rig.procedures.general.series import Series
 from rig.tables import FileSource
 
-PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "table_models.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "models.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(csv|sh|text)(?: (\S+))?\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
 
@@ -64,7 +64,7 @@ def test_examples_print_what_the_page_says(section, tmp_path):
 
 
 def test_there_are_examples():
-    assert len(list(sections())) == 8
+    assert len(list(sections())) == 6
     assert all(lines for section in sections() for _, lines in section.commands)
 
 

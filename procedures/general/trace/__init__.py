@@ -1,4 +1,4 @@
-"""From a residual to the effect behind it, for tables of any kind: docs/explanation/trace_tables.md."""
+"""From a residual to the effect behind it, for tables of any kind: docs/explanation/trace.md."""
 
 from rig.procedures.general.trace.report import trace_general
 from rig.procedures.general.trace.result import FoundTableEffect, TableTrace

@@ -47,7 +47,7 @@ CONSTANT = 0.99
 
 
 def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
-    """Find effects missing in the declared model of a table. Method: docs/explanation/trace_tables.md.
+    """Find effects missing in the declared model of a table. Method: docs/explanation/trace.md.
 
     Args:
         data: the table.
