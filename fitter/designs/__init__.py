@@ -23,7 +23,7 @@
 
 `Factor.at` has levels, `Factor.within` any setting of a range, `Factor.categories` nothing between its levels.
 `columns` gets settings in the factors' own units; no coding is needed. `hard` are indices of factors. Errors that a
-person can correct are `FitError`. Sources are in the modules; docs/how_to/optimal_designs.md has examples.
+person can correct are `FitError`. Sources are in the modules; docs/how_to/designs.md has examples.
 """
 
 from rig.fitter.designs.advice import advice

@@ -26,7 +26,7 @@ from scipy.optimize import brentq
 from rig.fitter.designs import Factor, evaluate, optimal, optimal_measure
 from rig.fitter.errors import FitError
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "how_to" / "optimal_designs.md"
+DOCUMENT = Path(__file__).parents[2] / "docs" / "how_to" / "designs.md"
 SQUARE, CUBE = [LEVELS] * 2, [LEVELS] * 3
 
 
@@ -257,6 +257,7 @@ def test_what_cannot_be(arguments, message):
 
 
 def test_the_example_of_the_document(capsys):
-    code, printed = re.search(r"```python\n(.*?)```\n\nprints\n\n```\n(.*?)```", DOCUMENT.read_text(), re.S).groups()
-    exec(compile(code, "optimal_designs.md", "exec"), {})
+    examples = re.findall(r"```python\n(.*?)```\n\nprints\n\n```\n(.*?)```", DOCUMENT.read_text(), re.S)
+    code, printed = examples[1]
+    exec(compile(code, "designs.md", "exec"), {})
     assert capsys.readouterr().out == printed
