@@ -14,7 +14,7 @@ from proving.truth.table import simulate as simulate_table
 from rig.fitter.linear import orthonormal
 from rig.procedures.attitude.effects import CATALOGUE
 from rig.procedures.attitude.trace import trace
-from rig.procedures.attitude.trace.pose import pose
+from rig.procedures.attitude.trace.make_problem import make_problem
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.trace import search_table
 from rig.procedures.general.trace.estimate import estimate
@@ -88,7 +88,7 @@ def night(names, rms, seed, **bench):
     faulty = replace(_together(names, rms), **bench)
     given = {key: value for name in names for key, value in HIDDEN[name].options.items()}
     data, truth = simulate_night(faulty, GRID, seed, **given)
-    problem = pose(data, CATALOGUE)
+    problem = make_problem(data, CATALOGUE)
     sensors, n = problem.sensors, len(data)
     sd = [np.radians(faulty.sigma_deg) * s.S for s in faulty.sensors]
     bases = [orthonormal(problem.fits[s].columns(data.pitch_deg, data.roll_deg)) for s in sensors]

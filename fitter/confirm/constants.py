@@ -1,4 +1,4 @@
-"""Size of an effect together with its searched constant, such as the gain and the time constant of a lag.
+"""Sizes of effects by some runs, those with a searched constant, such as the time constant of a lag, together with it.
 
 Columns are not linear in the constant, and with few readings in the first seconds after a step the two hang together: a
 linear error about the constant of a search gives impossible values, such as a time constant below zero. Here the sum of
@@ -7,13 +7,14 @@ squares is minimised over the constant, and intervals are where it rises by no m
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy import optimize
 
 from rig.fitter.arrays import FloatArray
+from rig.fitter.confirm.question import Hypothesis
 from rig.fitter.confirm.together import Candidates, Together, left, solve
 
 WIDE = 2.0
@@ -22,6 +23,8 @@ REACH, TRIED = 30.0, 60
 """How far a constant may be from the searched one, as a ratio, and the number of values tried over that range."""
 WITHIN = 25
 """Number of values in its interval at which the sizes are computed."""
+CONSTANT_OF = "constant of "
+"""Begin of the name of a term for a searched constant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,3 +118,53 @@ def _profiled(
     intervals = *zip(low.tolist(), high.tolist(), strict=True), (ends[0], ends[1])
     names = tuple(term.with_constant(back(best)).term.name for term in terms)
     return Profiled(at, shift, (*sizes.tolist(), back(best)), intervals, names)
+
+
+@dataclass(frozen=True, eq=False)
+class Sizes:
+    """Sizes of a member by some runs.
+
+    Attributes:
+        values: (q,) coefficients of its terms; in place of the change with a searched constant the constant.
+        intervals: 95 % intervals of them.
+        names: of terms, if others than in the first run: with the constant of these runs.
+        constants: texts of the constants, by position of the term.
+    """
+
+    values: FloatArray
+    intervals: tuple[tuple[float, float], ...]
+    names: Mapping[int, str] = field(default_factory=dict)
+    constants: Mapping[int, str] = field(default_factory=dict)
+
+
+def around(values: FloatArray, errors: FloatArray, t: float) -> tuple[tuple[float, float], ...]:
+    """95 % intervals of coefficients; unknown ends are NaN."""
+    return tuple((float(v - t * e), float(v + t * e)) for v, e in zip(values, errors, strict=True))
+
+
+def with_constants(both: Together, member: Hypothesis, rest: FloatArray, sizes: Sizes, t: float) -> Sizes:
+    """Sizes with those of effects that have a searched constant from the profile of the likelihood."""
+    values, intervals = sizes.values.copy(), list(sizes.intervals)
+    names: dict[int, str] = {}
+    constants: dict[int, str] = {}
+    for one in profiled(both, member.terms, rest, t):
+        if not np.all(np.isfinite(values[list(one.at)])):
+            continue
+        for k, value, ends in zip(one.places, one.values, one.intervals, strict=True):
+            values[k], intervals[k] = value, ends
+        names |= {**dict(zip(one.at, one.names, strict=True)), one.shift: f"{CONSTANT_OF}{one.names[0]}"}
+        constants[one.shift] = member.terms[one.shift].constant_text(one.values[-1], one.intervals[-1])
+    return Sizes(values, tuple(intervals), names, constants)
+
+
+def sizes_alone(later: Together, member: Hypothesis, rest: Candidates, t: float) -> Sizes:
+    """Sizes of a member from the later run alone."""
+    own, others = later.columns_of(member.terms), later.all_columns_of(rest)
+    model = np.column_stack([own, later.resized_columns(member.terms), others])
+    length = np.linalg.norm(model, axis=0)
+    seen, length = length[: own.shape[1]] > 0, np.where(length > 0, length, 1.0)
+    inverse = np.linalg.pinv(model / length, rcond=1e-8) / length[:, None]
+    gamma, error = inverse @ later.outputs, np.linalg.norm(inverse, axis=1)
+    q = own.shape[1]
+    values, errors = np.where(seen, gamma[:q], np.nan), np.where(seen, error[:q], np.nan)
+    return with_constants(later, member, others, Sizes(values, around(values, errors, t)), t)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.confirm.compare import Comparison, fitted_again, lasting, nuisance
-from rig.fitter.confirm.constants import profiled
+from rig.fitter.confirm.constants import Sizes, around, sizes_alone, with_constants
 from rig.fitter.confirm.minor_causes import MinorCause, minor_causes
 from rig.fitter.confirm.prediction import SensorError, prediction_errors
 from rig.fitter.confirm.question import Hypothesis, Question
@@ -28,8 +28,6 @@ MISFIT = 1.5
 """Mean square of residuals relative to the error's above which a model does not fit, if the excess is significant."""
 CHANGED = 1e-3
 """Probability below which an explanation fails: its sizes in the two runs differ."""
-CONSTANT_OF = "constant of "
-"""Begin of the name of a term for a searched constant."""
 PREDICTED = 0.1
 """Part of a dynamic effect, rms, that its sizes in the first run may leave of it in the later one. Its columns take
 settings for steps and readings for moments, so a run of another order or other hold times gives it another size."""
@@ -311,8 +309,8 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
         fits = p_fits >= CHANGED
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
     later, t = both.only(both.fresh), t_limit(0.95, df)
-    found = _alone(later, member, question.rest, t)
-    in_both = _with_constants(both, member, comparison.rest, Sizes(together, _around(together, spread, t)), t)
+    found = sizes_alone(later, member, question.rest, t)
+    in_both = with_constants(both, member, comparison.rest, Sizes(together, around(together, spread, t)), t)
     sensors = ("" if term.sensor is None else f" ({term.sensor})" for term in member.terms)
     names = [
         found.names.get(k, term.term.name) + sensor
@@ -363,11 +361,6 @@ def _missed(both: Together, model: FloatArray, changed: FloatArray, shifts: Floa
     return float(np.sqrt(missed / whole)) if whole > 0.0 else np.inf
 
 
-def _around(values: FloatArray, errors: FloatArray, t: float) -> tuple[tuple[float, float], ...]:
-    """95 % intervals of coefficients; unknown ends are NaN."""
-    return tuple((float(v - t * e), float(v + t * e)) for v, e in zip(values, errors, strict=True))
-
-
 def _errors_of(model: FloatArray) -> FloatArray:
     """(q,) standard errors of coefficients of columns (n, q) in units of the error; NaN for a zero column."""
     length = np.linalg.norm(model, axis=0)
@@ -405,51 +398,6 @@ def _sizes(both: Together, member: Hypothesis, found: Sizes) -> dict[str, str]:
         )
         out.setdefault(sensor, []).append(f"{cause} {text}" if len(causes) > 1 else text)
     return {sensor: "; ".join(texts) for sensor, texts in out.items()}
-
-
-@dataclass(frozen=True, eq=False)
-class Sizes:
-    """Sizes of a member by some runs.
-
-    Attributes:
-        values: (q,) coefficients of its terms; in place of the change with a searched constant the constant.
-        intervals: 95 % intervals of them.
-        names: of terms, if others than in the first run: with the constant of these runs.
-        constants: texts of the constants, by position of the term.
-    """
-
-    values: FloatArray
-    intervals: tuple[tuple[float, float], ...]
-    names: Mapping[int, str] = field(default_factory=dict)
-    constants: Mapping[int, str] = field(default_factory=dict)
-
-
-def _with_constants(both: Together, member: Hypothesis, rest: FloatArray, sizes: Sizes, t: float) -> Sizes:
-    """Sizes with those of effects that have a searched constant from the profile of the likelihood."""
-    values, intervals = sizes.values.copy(), list(sizes.intervals)
-    names: dict[int, str] = {}
-    constants: dict[int, str] = {}
-    for one in profiled(both, member.terms, rest, t):
-        if not np.all(np.isfinite(values[list(one.at)])):
-            continue
-        for k, value, ends in zip(one.places, one.values, one.intervals, strict=True):
-            values[k], intervals[k] = value, ends
-        names |= {**dict(zip(one.at, one.names, strict=True)), one.shift: f"{CONSTANT_OF}{one.names[0]}"}
-        constants[one.shift] = member.terms[one.shift].constant_text(one.values[-1], one.intervals[-1])
-    return Sizes(values, tuple(intervals), names, constants)
-
-
-def _alone(later: Together, member: Hypothesis, rest: Candidates, t: float) -> Sizes:
-    """Sizes of a member from the later run alone."""
-    own, others = later.columns_of(member.terms), later.all_columns_of(rest)
-    model = np.column_stack([own, later.resized_columns(member.terms), others])
-    length = np.linalg.norm(model, axis=0)
-    seen, length = length[: own.shape[1]] > 0, np.where(length > 0, length, 1.0)
-    inverse = np.linalg.pinv(model / length, rcond=1e-8) / length[:, None]
-    gamma, error = inverse @ later.outputs, np.linalg.norm(inverse, axis=1)
-    q = own.shape[1]
-    values, errors = np.where(seen, gamma[:q], np.nan), np.where(seen, error[:q], np.nan)
-    return _with_constants(later, member, others, Sizes(values, _around(values, errors, t)), t)
 
 
 def _gained(outputs: FloatArray, model: FloatArray, further: FloatArray) -> tuple[float, int]:

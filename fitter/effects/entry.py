@@ -107,7 +107,7 @@ class Entry:
         signed: the physical sign of its coefficients; None if both are possible.
         largest: size beyond which it is not an explanation; None if unknown.
         dynamic: whether its size depends on the order of the settings and on how long they are held.
-        hand: influences of changes by a person; None: those of its family, if its kind has families.
+        manual_changes: influences of changes by a person; None: those of its family, if its kind has families.
     """
 
     name: str
@@ -125,12 +125,12 @@ class Entry:
     signed: Signed | None = field(default=None, kw_only=True)
     largest: Largest | None = field(default=None, kw_only=True)
     dynamic: bool = field(default=False, kw_only=True)
-    hand: tuple[ByHand, ...] | None = field(default=None, kw_only=True)
+    manual_changes: tuple[ByHand, ...] | None = field(default=None, kw_only=True)
 
     @property
     def by_hand(self) -> tuple[ByHand, ...]:
         """Influences of changes by a person; without an entry of its own, those of its family."""
-        return self.hand or ()
+        return self.manual_changes or ()
 
     def influence(self, word: str) -> Influence | None:
         """Influence of the change of this word; None if it stays as it is."""

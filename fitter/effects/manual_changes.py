@@ -1,6 +1,6 @@
 """Changes that a person makes to a bench, and their influence on effects.
 
-An effect declares in its catalogue entry what a change does to it (`rig.fitter.effects.entry.Entry.hand`). Two effects
+An effect declares in its catalogue entry what a change does to it (`Entry.manual_changes`). Two effects
 that no setting of the bench separates are separated by a change that has different influences on them.
 """
 

@@ -87,7 +87,7 @@ def _effect(table: Any, grammars: Sequence[Grammar]) -> Entry:
     formulas = [OwnFormula.of(name, column, grammar.names) for column in table["columns"]]
     fields: dict[str, Any] = {key: table[key] for key in _WORDS if key != "columns"}
     if _HAND in table:
-        fields["hand"] = (_by_hand(name, table[_HAND]),)
+        fields["manual_changes"] = (_by_hand(name, table[_HAND]),)
     return grammar.make(fields | {"size": each(table["unit"]), "known_aliases": {}, "own": True}, formulas)
 
 

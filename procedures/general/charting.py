@@ -22,7 +22,7 @@ from rig.procedures.evaluate.charting import Calibrations, Charting, Shown, View
 from rig.procedures.general.infer import CurveCalibration, too_few_digits
 from rig.procedures.present.shell import shell_word
 from rig.procedures.tables.table import Table
-from rig.procedures.tables.unused import unit_of
+from rig.procedures.tables.unused import known_unit_of
 
 _LEVELS, _FEW = 5, 4
 """Levels of each variable of a formula with several, and the largest number of variables with so many."""
@@ -177,7 +177,7 @@ class GeneralCharting(Charting):
             raise DataError("--usage is a range of pitch; others are charted over the range calibrated")
         charted, last = curve_charted(every, years), every[-1]
         plots = any(len(fit.variances) > 1 for fit in every)
-        unit = unit_of(last.response)
+        unit = known_unit_of(last.response)
         return View(
             charted=charted,
             shown={name: Shown(name, 1.0, unit or f"in {last.response}") for name in charted.names},

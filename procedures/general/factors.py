@@ -12,6 +12,8 @@ from rig.procedures.column_names import stem_of
 from rig.procedures.plan.run_list import Factor, Settle
 from rig.procedures.plan.settings import Positive, Strict
 
+DEGC = "_degC"
+"""End of the names of temperatures."""
 RANDOM, UP_DOWN, AS_WRITTEN = "random", "up-down", "as written"
 FACTOR_NAME = r"^[A-Za-z][A-Za-z0-9_]*_[A-Za-z][A-Za-z0-9]*$"
 """A factor ends in its unit, as a column of a table does."""

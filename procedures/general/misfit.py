@@ -6,12 +6,10 @@ from collections.abc import Mapping
 
 from rig.fitter.errors import FitError
 from rig.fitter.formula import Formula
-from rig.procedures.general.factors import FactorSettings
+from rig.procedures.general.factors import DEGC, FactorSettings
 from rig.procedures.general.model_settings import ModelSettings
 from rig.procedures.general.models.named import standard_model
 from rig.procedures.general.models.units import to_model, unit_in
-
-_DEGC = "_degC"
 
 
 def misfit(
@@ -47,8 +45,8 @@ def misfit(
 
 def _not_read(name: str, factors: Mapping[str, FactorSettings], read: Mapping[str, str]) -> str:
     """Why a quantity cannot be in a model, and what to declare."""
-    if name.endswith(_DEGC):
-        there = [one for one in read if one.endswith(_DEGC)]
+    if name.endswith(DEGC):
+        there = [one for one in read if one.endswith(DEGC)]
         return (
             f"nothing on the bench reads {name}: [temperatures] has {', '.join(there)}"
             if there

@@ -21,8 +21,7 @@ class FitOptions(Options):
     replicate: str | None = Field(None, description="column of replications that hold whole plots")
     model: str | None = Field(
         None,
-        description="a standard model in place of a formula, such as callendar-van-dusen "
-        "(docs/reference/models.md)",
+        description="a standard model in place of a formula, such as callendar-van-dusen (docs/reference/models.md)",
     )
     abscissa: str | None = Field(None, description="column that --model, or --u-x, is about")
     start: list[str] | None = Field(

@@ -14,7 +14,7 @@ from rig.fitter.designs.advice import advice as of_design
 from rig.fitter.errors import FitError
 from rig.fitter.formula import Formula
 from rig.fitter.split_plot import plan_precision
-from rig.procedures.general.factors import AS_WRITTEN
+from rig.procedures.general.factors import AS_WRITTEN, DEGC
 from rig.procedures.general.model_settings import SensorModel
 from rig.procedures.general.models.named import standard_model
 from rig.procedures.general.models.units import unit_in
@@ -25,7 +25,6 @@ from rig.procedures.plan.precision import Precision
 from rig.procedures.plan.run_list import RunList
 
 _MOST_SHOWN = 4
-_DEGC = "_degC"
 _NAME = re.compile(r"[A-Za-z]\w*")
 
 
@@ -127,7 +126,7 @@ def _why_not(procedure: GeneralProcedure, sensor: str, run_list: RunList) -> str
     if not read:
         return "its model has texts or levels that are only known when they are recorded"
     told = f"{', '.join(read)} of its model {'is' if len(read) == 1 else 'are'} only known when read"
-    if any(name.endswith(_DEGC) for name in read):
+    if any(name.endswith(DEGC) for name in read):
         return told
     return (
         f"{told}; levels of {', '.join(read)} with a table of approach would be known before (docs/how_to/general.md)"
@@ -229,11 +228,11 @@ def _of_nothing(procedure: GeneralProcedure, run_list: RunList) -> Iterator[str]
     named |= {one.abscissa or next(iter(procedure.factors)) for one in models if one.standard is not None}
     linear = [Formula.parse(one.formula) for one in models if one.linear and one.formula]
     read = {name for formula in linear for name in formula.names} - procedure.factors.keys()
-    reads = any(name.endswith(_DEGC) for name in read)
-    sets = any(not name.endswith(_DEGC) for name in read)  # and the bench says which factor sets it
+    reads = any(name.endswith(DEGC) for name in read)
+    sets = any(not name.endswith(DEGC) for name in read)  # and the bench says which factor sets it
     for factor in run_list.factors:
         values = run_list.column(factor.name)
-        if factor.name in named or len(set(values)) < 2 or (reads and factor.name.endswith(_DEGC)):
+        if factor.name in named or len(set(values)) < 2 or (reads and factor.name.endswith(DEGC)):
             continue  # a thermometer in the model may be one that follows it
         if sets and not procedure.factors[factor.name].hard:
             continue

@@ -67,14 +67,14 @@ def other_unit(name: str, known: Collection[str]) -> str | None:
     return None
 
 
-def unit_of(name: str) -> str:
-    """The unit at the end of a column's name; "" if there is none."""
+def known_unit_of(name: str) -> str:
+    """The unit at the end of a column's name; "" if the name ends in no known unit."""
     return name[len(_stem(name)) + 1 :]
 
 
 def unit_after(name: str) -> str:
     """The unit of a column as it stands after a number, with a space before it; "" if there is none."""
-    unit = unit_of(name)
+    unit = known_unit_of(name)
     return f" {spelled(unit)}" if unit else ""
 
 

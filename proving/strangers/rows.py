@@ -13,7 +13,7 @@ from rig.fitter.linear import orthonormal
 from rig.fitter.split_plot import SplitPlotDesign
 from rig.procedures.attitude.effects import CATALOGUE
 from rig.procedures.attitude.table import attitude_data
-from rig.procedures.attitude.trace.pose import pose as pose_attitude
+from rig.procedures.attitude.trace.make_problem import make_problem as problem_of_attitude
 from rig.procedures.general.column_roles import Roles, read_roles
 from rig.procedures.general.trace.run import problem_of
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
@@ -59,7 +59,7 @@ def rows_of(kind: str, made: Made) -> Rows:
 def _attitude(path: Path, made: Made) -> Rows:
     """Each replication with parameters of its own, as the set declares it."""
     data = attitude_data(FileSource(path).table)
-    problem = pose_attitude(data, CATALOGUE)
+    problem = problem_of_attitude(data, CATALOGUE)
     columns = problem.columns_at("replications", range(len(problem.candidates)))
     outputs = problem.outputs_at("replications")
     a, r = np.radians(data.pitch_deg), np.radians(data.roll_deg)

@@ -50,11 +50,11 @@ _IMPORTED = {"SI_Format.xsd": ("dsi", "SI_Format"), "xmldsig-core-schema.xsd": (
 def _beside(etree: Any, folder: Path) -> Any:
     """Finds the imported schemas in the folder of the schema."""
 
-    class Beside(etree.Resolver):  # type: ignore[misc]
+    class InFolder(etree.Resolver):  # type: ignore[misc]
         def resolve(self, url: str, _: object, context: object) -> Any:
             name = url.rsplit("/", 1)[-1]
             starts = (name, *_IMPORTED.get(name, ()))
             found = sorted(one for one in folder.glob("*.xsd") if one.name.startswith(starts))
             return self.resolve_filename(str(found[0]), context) if found else None
 
-    return Beside()
+    return InFolder()

@@ -11,7 +11,7 @@ import numpy as np
 from rig.extras import needed
 from rig.files.atomic import write_whole_bytes
 from rig.procedures.tables.table import Table
-from rig.procedures.tables.unused import unit_of
+from rig.procedures.tables.unused import known_unit_of
 from rig.tables.evidence import COUNT, FLAG, meaning_of
 
 _BLOCK = 65536
@@ -74,7 +74,7 @@ def _column(arrow: Any, values: np.ndarray[Any, Any], of: Any) -> Any:
 
 
 def _unit(name: str) -> dict[str, str]:
-    unit = unit_of(name)
+    unit = known_unit_of(name)
     return {"unit": unit} if unit else {}
 
 

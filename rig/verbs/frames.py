@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rig.extras import needed
-from rig.procedures.tables.unused import unit_of
+from rig.procedures.tables.unused import known_unit_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -92,4 +92,4 @@ def of_rows(
 def _unit(name: str) -> str:
     for end in _ENDS:
         name = name.removesuffix(end)
-    return unit_of(name)
+    return known_unit_of(name)

@@ -13,7 +13,7 @@ from rich.markup import escape
 from rig.fitter.rounding import with_error
 from rig.procedures.present.blocks import Block, Grid, Line, headline
 from rig.procedures.present.numbers import number
-from rig.procedures.tables.unused import unit_of
+from rig.procedures.tables.unused import known_unit_of
 from rig.verbs.frames import Frame, of_columns
 from rig.verbs.result import Plots, Result
 
@@ -105,7 +105,7 @@ class Observations(Columned):
         figure, axes = grid(max(len(shown), 1), columns=2, height=2.2)
         for axis, (name, values) in zip(axes, shown.items(), strict=False):
             axis.plot(x, values, ".", ms=3)
-            unit = unit_of(name)
+            unit = known_unit_of(name)
             axis.set_title(f"{name.removesuffix(f'_{unit}')} / {unit}" if unit else name, fontsize=9)
             axis.set_xlabel(label, fontsize=8)
             axis.tick_params(labelsize=7)

@@ -186,7 +186,7 @@ def test_a_cause_that_should_have_another_size_and_has_not_is_less_likely(traced
     first, found = traced[PADS]
     (question,) = questions_of(found)
     terms = tuple(
-        replace(t, effect=replace(t.effect, hand=None, source="voltmeter")) for t in question.members[0].terms
+        replace(t, effect=replace(t.effect, manual_changes=None, source="voltmeter")) for t in question.members[0].terms
     )
     member = replace(question.members[0], terms=terms)
     asked = replace(question, members=(member, *question.members[1:]))

@@ -12,7 +12,7 @@ from general_lab import PROCEDURE, run_dry
 from rig.examples import example
 from rig.fitter.effects.own import own_effects
 from rig.fitter.errors import FitError
-from rig.procedures.general.effects.hands import HANDS, OTHER_METER
+from rig.procedures.general.effects.manual_changes import MANUAL_CHANGES, OTHER_METER
 from rig.procedures.general.effects.own import GRAMMAR
 
 ROOT, LOAD_CELL = Path(__file__).parents[2], example("load-cell-lab")
@@ -91,7 +91,7 @@ def test_kinds_with_an_entry_have_it_and_a_range_is_the_meters():
     kinds = {kind.name: kind for kind in TABLE_CATALOGUE} | {
         kind.beside.name: kind.beside for kind in TABLE_CATALOGUE if kind.beside is not None
     }
-    assert HANDS.keys() <= kinds.keys()
+    assert MANUAL_CHANGES.keys() <= kinds.keys()
     effect = _effect(kinds["range-step"], ("input_V",), "y_V")
     assert effect.influence(OTHER_METER.word) == "resizes"
     assert _effect(kinds["third-order"], ("input_V",), "y_V").by_hand == ()

@@ -9,7 +9,7 @@ import pytest
 
 from rig.cli import confirm_show
 from rig.fitter.confirm import NOTHING, Member
-from rig.fitter.confirm.judge import CONSTANT_OF
+from rig.fitter.confirm.constants import CONSTANT_OF
 from rig.procedures.general.confirming import OWN_UNITS, GeneralConfirming
 from rig.verbs.confirm.answers import Confirmed
 from rig.verbs.confirm.proposals import unlikely

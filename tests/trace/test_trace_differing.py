@@ -9,7 +9,7 @@ from proving.truth.attitude import D1, Bench, Sensor, simulate
 from rig.fitter.quantiles import t_limit
 from rig.procedures.attitude.effects import CATALOGUE
 from rig.procedures.attitude.trace.estimate import estimate
-from rig.procedures.attitude.trace.pose import pose
+from rig.procedures.attitude.trace.make_problem import make_problem
 
 PLAN = D1(90, 7, 6)
 READING = np.radians(1.5e-4) * 5.0
@@ -18,7 +18,7 @@ READING = np.radians(1.5e-4) * 5.0
 def fitted(bench, seed, effect, term=None):
     """A run fitted with one effect of the catalogue in x, told and not searched; and the run."""
     data, _ = simulate(bench, PLAN, seed)
-    problem = pose(data, [one for one in CATALOGUE if one.name == effect])
+    problem = make_problem(data, [one for one in CATALOGUE if one.name == effect])
     own = (j for j, one in enumerate(problem.candidates) if one.sensor == "x_V" and term in (None, one.term.name))
     return estimate(problem, (next(own),)), data
 

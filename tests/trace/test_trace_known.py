@@ -21,7 +21,7 @@ from rig.fitter.trace.whitened import Whitened
 from rig.procedures.attitude.effects import CATALOGUE
 from rig.procedures.attitude.trace.estimate import estimate, stated
 from rig.procedures.attitude.trace.judge import _together
-from rig.procedures.attitude.trace.pose import pose
+from rig.procedures.attitude.trace.make_problem import make_problem
 from rig.procedures.attitude.trace.replications import Between
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.fit import named_formula
@@ -48,7 +48,7 @@ class Named:
 
 @pytest.fixture(scope="module")
 def attitude():
-    return pose(simulate(CLEAN, SMALL, 1)[0], CATALOGUE)
+    return make_problem(simulate(CLEAN, SMALL, 1)[0], CATALOGUE)
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from rig.fitter.trace.flexible import Block, evidence, orders_of, remainders, tu
 from rig.fitter.trace.lines import CLEAR, line
 from rig.procedures.attitude.effects.steps import OFFSET_STEP_UNRECORDED
 from rig.procedures.attitude.trace import trace
-from rig.procedures.attitude.trace.pose import pose
+from rig.procedures.attitude.trace.make_problem import make_problem
 from rig.procedures.attitude.trace.refine import refined
 
 PLAN = D1(180, 13, 13, replications=4)
@@ -141,7 +141,7 @@ def test_a_step_between_replications_is_never_silent_and_never_made_worse(first,
 def placed(since, seed=5):
     """Where a step of the x sensor's offset, 1 sd high, is placed that was found near 3/6 of the run."""
     data = with_error(lambda d: 1.0 * since(d), seed=seed, plan=SIX)
-    problem = pose(data, [OFFSET_STEP_UNRECORDED])
+    problem = make_problem(data, [OFFSET_STEP_UNRECORDED])
     begins = float(np.min(data.elapsed_s[data.replicate == 4])) / 3600.0
     sought = [
         (abs(float(c.term.name.split()[1]) - begins), j)

@@ -5,8 +5,8 @@ import pytest
 
 from proving.truth.attitude import D1, Bench, simulate
 from rig.procedures.attitude.effects import CATALOGUE
+from rig.procedures.attitude.trace.make_problem import make_problem
 from rig.procedures.attitude.trace.offsets import VARIANCES, slopes, wandering
-from rig.procedures.attitude.trace.pose import pose
 from rig.procedures.attitude.trace.replications import slow_of
 
 RUNS, SENSORS, N = 1500, 3, 6
@@ -87,7 +87,7 @@ def test_evidence_that_numbers_wander():
 def test_sensors_that_a_term_does_not_concern_have_that_of_the_same_term_on_them():
     """One pair of columns after the other, as it is defined."""
     data, _ = simulate(Bench(), D1(180, 7, 7, order="random"), 3)
-    problem = pose(data, CATALOGUE)
+    problem = make_problem(data, CATALOGUE)
     slow = slow_of(problem)
     of = {(c.effect.name, c.term.name, c.sensor): j for j, c in enumerate(problem.candidates)}
     compared = 0

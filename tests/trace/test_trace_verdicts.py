@@ -20,8 +20,8 @@ from rig.procedures.attitude.trace import trace
 from rig.procedures.attitude.trace.estimate import estimate
 from rig.procedures.attitude.trace.family import family_of
 from rig.procedures.attitude.trace.judge import AttitudeJudge
-from rig.procedures.attitude.trace.pose import pose
-from rig.procedures.attitude.trace.run import stays
+from rig.procedures.attitude.trace.make_problem import make_problem
+from rig.procedures.attitude.trace.run import final_check
 from rig.procedures.attitude.trace.score import score
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.trace import trace_general
@@ -178,7 +178,7 @@ def test_columns_that_are_combinations_of_others_are_left_out_and_named():
     data = noisy_truth.attitude("outliers", np.random.default_rng(2))
     flat = data.take(np.flatnonzero(data.roll_deg == 0.0))
     flat = replace(flat, outputs={"x_V": flat.outputs["x_V"]}, axes={"x_V": "x"})
-    problem = pose(flat, CATALOGUE)
+    problem = make_problem(flat, CATALOGUE)
     columns = problem.columns_at("declared", range(len(problem.candidates)))[0]
     unit = columns / np.linalg.norm(columns, axis=0)
     pairs = np.argwhere(np.triu(np.abs(unit.T @ unit) > 1.0 - 1e-12, 1))
@@ -189,7 +189,7 @@ def test_columns_that_are_combinations_of_others_are_left_out_and_named():
     judge = AttitudeJudge(problem, family_of(problem, score(problem, ()), 1))
     name = problem.candidates[second].effect.name
     said = f"{name} was left out: these data cannot distinguish it from effects in the model"
-    assert said in [one.sentence for one in stays(judge, (first, second))[1]]
+    assert said in [one.sentence for one in final_check(judge, (first, second))[1]]
 
 
 def test_columns_too_large_for_a_double_are_left_out_and_named():

@@ -11,7 +11,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Entry
 from rig.fitter.effects.manual_changes import ByHand
 from rig.procedures.attitude.data import AttitudeData
-from rig.procedures.attitude.effects.hands import FAMILIES
+from rig.procedures.attitude.effects.manual_changes import FAMILIES
 from rig.procedures.attitude.effects.scene import Scene
 
 Column = Callable[[Scene, str], FloatArray]
@@ -69,7 +69,7 @@ class Effect(Entry):
     def by_hand(self) -> tuple[ByHand, ...]:
         """See `Entry`; nothing is known of a laboratory's own effects."""
         families = {} if self.own else FAMILIES
-        return families.get(self.source, ()) if self.hand is None else self.hand
+        return families.get(self.source, ()) if self.manual_changes is None else self.manual_changes
 
     def applies_to(self, data: AttitudeData) -> bool:
         """Whether these observations meet the requirements of the effect."""

@@ -17,7 +17,7 @@ from rig.fitter.effects.manual_changes import resized_by
 from rig.fitter.effects.sizes import amplitude, arcsec, each
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects.effect import Effect, Term, fixed
-from rig.procedures.attitude.effects.hands import OTHER_CABLE
+from rig.procedures.attitude.effects.manual_changes import OTHER_CABLE
 from rig.procedures.attitude.effects.scene import Scene
 
 _BOTH_SIDES = "visit some points twice in one replication, once from each side"
@@ -296,7 +296,7 @@ CABLE = Effect(
     separate_by="free the cable, or lead it another way, and repeat a few points at both ends of the roll",
     usual_size="1e-3 deg/turn",
     needs=("roll",),
-    hand=(resized_by(OTHER_CABLE),),
+    manual_changes=(resized_by(OTHER_CABLE),),
 )
 
 

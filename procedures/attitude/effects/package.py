@@ -16,8 +16,8 @@ from rig.fitter.effects.manual_changes import removed_by
 from rig.fitter.effects.sizes import arcsec, each
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects.effect import Effect, Term, fixed
-from rig.procedures.attitude.effects.hands import PADS_LOCKED
 from rig.procedures.attitude.effects.head import REVERSED
+from rig.procedures.attitude.effects.manual_changes import PADS_LOCKED
 from rig.procedures.attitude.effects.moments import Moment, evenly, near, starts
 from rig.procedures.attitude.effects.scene import Scene
 
@@ -90,7 +90,7 @@ ISOLATION_PADS = Effect(
         ),
         "sensor-third-order": Alias("without roll, within +-30 deg of pitch", "go beyond +-60 deg of pitch"),
     },
-    hand=(removed_by(PADS_LOCKED),),
+    manual_changes=(removed_by(PADS_LOCKED),),
 )
 
 
@@ -194,5 +194,5 @@ SCALE_ATTITUDE = Effect(
         "cross-axis": Alias("for a sensor by itself", "read the common supply at several attitudes"),
     },
     needs=("several sensors",),
-    hand=(),
+    manual_changes=(),
 )

@@ -25,9 +25,9 @@ from rig.procedures.attitude.trace.estimate import concerns, estimate, stated
 from rig.procedures.attitude.trace.family import family_of
 from rig.procedures.attitude.trace.findings import residual_of, sensor_trace
 from rig.procedures.attitude.trace.judge import AttitudeJudge
+from rig.procedures.attitude.trace.make_problem import make_problem
 from rig.procedures.attitude.trace.outliers import outliers
 from rig.procedures.attitude.trace.plausible import plausible
-from rig.procedures.attitude.trace.pose import pose
 from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.restarts import search_with_restarts
 from rig.procedures.attitude.trace.result import Trace
@@ -53,9 +53,9 @@ class Search:
     temperature: bool
     unnamed: bool
 
-    def pose(self, data: AttitudeData) -> Problem:
+    def problem_of(self, data: AttitudeData) -> Problem:
         """`data` prepared for the search; raises as `trace` does."""
-        return pose(data, self.catalogue, temperature=self.temperature)
+        return make_problem(data, self.catalogue, temperature=self.temperature)
 
     def settle(
         self, problem: Problem, family: Family, *, restarts: bool = True
@@ -145,7 +145,7 @@ def trace(
     return Trace(sensors, problem.scene, chosen, after.gamma, taken_out.taken, len(data), rows, explanations, others)
 
 
-def stays(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
+def final_check(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
     """The kept ones of the `chosen` candidates, by the standard error of their sensors."""
     problem = judge.problem
     fitted = estimate(problem, chosen)
@@ -173,10 +173,10 @@ def _without_outliers(
     aside = np.zeros(0, np.int64)
     for last in (False, False, True):
         kept = data if not aside.size else data.take(np.setdiff1d(np.arange(len(data)), aside))
-        problem = search.pose(kept)
+        problem = search.problem_of(kept)
         family = family_of(problem, score(problem, ()), seed)
         judge, found = search.settle(problem, family)
-        found, not_kept = stays(judge, found)
+        found, not_kept = final_check(judge, found)
         again = outliers(data, residual_of(judge.problem, estimate(judge.problem, found), data))[0]
         if last or np.array_equal(again, aside):
             break
@@ -203,7 +203,7 @@ def left_out(
         inside = data.replicate != replicate
         rest, aside = data.take(np.flatnonzero(inside)), data.take(np.flatnonzero(~inside))
         try:
-            problem = (search if anything else replace(search, catalogue=())).pose(rest)
+            problem = (search if anything else replace(search, catalogue=())).problem_of(rest)
         except FitError:
             return None
         squares += _squares_aside(problem, search, family, aside, anything=anything)

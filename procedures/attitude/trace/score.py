@@ -93,7 +93,7 @@ def whiten(
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
+class Products:
     """Products at one level over the sensors' errors, with chosen candidates removed from all sensors together.
 
     Attributes:
@@ -107,7 +107,7 @@ class Beside:
     square: FloatArray
 
 
-def beside(problem: Problem, level: Level, chosen: Sequence[int], here: IntArray, sigma: FloatArray) -> Beside:
+def beside(problem: Problem, level: Level, chosen: Sequence[int], here: IntArray, sigma: FloatArray) -> Products:
     """Products of the candidates `here` (..., q) in groups, and of the outputs, beside the `chosen` ones."""
     known, weight = problem.products[level], sigma**-2.0
     each = weight.reshape(-1, *[1] * here.ndim)
@@ -115,7 +115,7 @@ def beside(problem: Problem, level: Level, chosen: Sequence[int], here: IntArray
     outputs, square = known.outputs[:, here] * each, known.square * weight
     picked = np.array(chosen, np.int64)
     if not picked.size:
-        return Beside(columns, outputs, square)
+        return Products(columns, outputs, square)
     across = known.of(picked[:, None], here[..., None, :]) * each[..., None]
     taken = known.of(picked[:, None], picked) * weight[:, None, None]
     own = known.outputs[:, picked] * weight[:, None]
@@ -128,7 +128,7 @@ def beside(problem: Problem, level: Level, chosen: Sequence[int], here: IntArray
     columns -= cross
     columns -= np.swapaxes(cross, -1, -2)
     rest = (own - taken @ fitted).reshape(*of, 1, q)
-    return Beside(
+    return Products(
         columns,
         outputs - np.swapaxes(across, -1, -2) @ fitted - (rest @ share)[..., 0, :],
         np.maximum(square - 2 * own @ fitted + (taken @ fitted) @ fitted, 0.0),
@@ -194,7 +194,7 @@ class _Units:
         length2: (U, q) squared lengths of the original columns.
     """
 
-    left: Beside
+    left: Products
     length2: FloatArray
 
 

@@ -10,8 +10,8 @@ from rig.fitter.effects.entry import Source
 from rig.fitter.effects.sizes import Size
 from rig.procedures.column_names import spelled, unit_of
 from rig.procedures.general.effects.catalogue import TABLE_CATALOGUE
-from rig.procedures.general.effects.hands import HANDS
 from rig.procedures.general.effects.kind import Of, TableEffect, TableKind
+from rig.procedures.general.effects.manual_changes import MANUAL_CHANGES
 from rig.procedures.general.effects.scene import TableScene, is_temperature
 
 __all__ = ["TABLE_CATALOGUE", "TableEffect", "TableKind", "effects_of"]
@@ -40,7 +40,7 @@ def _effect(kind: TableKind, names: tuple[str, ...], response: str) -> TableEffe
         separate_by=kind.separate_by.format(*names, **words),
         usual_size=kind.usual_size,
         dynamic=kind.dynamic,
-        hand=HANDS.get(kind.name),
+        manual_changes=MANUAL_CHANGES.get(kind.name),
         kind=kind,
         columns=names,
         family="temperature" if warm else kind.family,

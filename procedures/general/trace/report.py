@@ -35,7 +35,7 @@ from rig.procedures.general.trace.remainder import pure_error, unnamed
 from rig.procedures.general.trace.result import FoundTableEffect, TableSide, TableTrace
 from rig.procedures.general.trace.run import Found, TableData
 from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
-from rig.procedures.tables.unused import unit_after, unit_of
+from rig.procedures.tables.unused import known_unit_of, unit_after
 
 WANDER = "slow-wander"
 """Name of the alias "noise with long memory" of an effect."""
@@ -202,7 +202,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         given=tuple(after.given[picked].tolist()),
         dynamic=effect.dynamic,
         constants=tuple(one for j in mine for one in after.constants.get(j, ()) if one.what),
-        time_unit="" if data.scene.time is None else unit_of(data.scene.time.name),
+        time_unit="" if data.scene.time is None else known_unit_of(data.scene.time.name),
     )
 
 

@@ -9,7 +9,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Alias, Signed
 from rig.fitter.effects.manual_changes import resized_by
 from rig.fitter.effects.sizes import by_term, each, micro
-from rig.procedures.pressure.effects.hands import OTHER_GAUGE
+from rig.procedures.pressure.effects.manual_changes import OTHER_GAUGE
 from rig.procedures.pressure.effects.scene import (
     AT_EASE,
     SECOND_GAUGE,
@@ -84,7 +84,7 @@ REFERENCE_ZERO_DRIFT = PressureEffect(
         )
     },
     terms=fixed(("time", lambda s: s.hours)),
-    hand=(resized_by(OTHER_GAUGE),),
+    manual_changes=(resized_by(OTHER_GAUGE),),
 )
 REFERENCE_DRIFT = _OF_LINE(
     name="reference-drift",
@@ -95,7 +95,7 @@ REFERENCE_DRIFT = _OF_LINE(
     separate_by=_CHECKED,
     usual_size="1 ppm/h",
     terms=fixed(("P*time", lambda s: s.p * s.hours)),
-    hand=(resized_by(OTHER_GAUGE),),
+    manual_changes=(resized_by(OTHER_GAUGE),),
 )
 LINE_LEAK = _OF_LINE(
     name="line-leak",
@@ -128,7 +128,7 @@ HEAD_CORRECTION = _OF_LINE(
     },
     terms=fixed(("P/T_sensor", lambda s: s.weight_per_m)),
     at_most=HIGHEST_M,
-    hand=(),
+    manual_changes=(),
 )
 REFERENCE_NONLINEARITY = _OF_LINE(
     name="reference-nonlinearity",
@@ -147,5 +147,5 @@ REFERENCE_NONLINEARITY = _OF_LINE(
         PressureTerm("P^3", lambda s: s.p**3, unit="psi/psi^3"),
     ),
     on_suspicion=True,
-    hand=(resized_by(OTHER_GAUGE),),
+    manual_changes=(resized_by(OTHER_GAUGE),),
 )

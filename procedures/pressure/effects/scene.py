@@ -14,7 +14,7 @@ from rig.fitter.effects.entry import Entry
 from rig.fitter.effects.manual_changes import ByHand
 from rig.fitter.errors import FitError
 from rig.procedures.pressure.data import WholePlotData
-from rig.procedures.pressure.effects.hands import FAMILIES
+from rig.procedures.pressure.effects.manual_changes import FAMILIES
 
 AMBIENT_PSIA = 14.7
 _FOR_A_CUBIC = 6
@@ -297,7 +297,7 @@ class PressureEffect(Entry):
     def by_hand(self) -> tuple[ByHand, ...]:
         """See `Entry`; nothing is known of a laboratory's own effects."""
         families = {} if self.own else FAMILIES
-        return families.get(self.source, ()) if self.hand is None else self.hand
+        return families.get(self.source, ()) if self.manual_changes is None else self.manual_changes
 
     def __post_init__(self) -> None:
         """Refuse a bound that the search of whole-plot runs does not use. Raises FitError."""

@@ -17,7 +17,7 @@ from rig.options import chosen
 from rig.procedures.errors import DataError
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.words import units
-from rig.procedures.tables.unused import sentences, unit_of
+from rig.procedures.tables.unused import known_unit_of, sentences
 from rig.procedures.tables.within import KEY as READINGS
 from rig.tables import FileForm, FileSource, is_run
 from rig.tables.of_others.file_form import NOTHING
@@ -347,7 +347,7 @@ def _estimates(result: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         for of in ("coefficients", "parameters"):
             for name, value in (found.get(of) or {}).items():
                 if isinstance(value, Mapping) and "estimate" in value:
-                    unit = value.get("unit", unit_of(name) if of == "parameters" else "")
+                    unit = value.get("unit", known_unit_of(name) if of == "parameters" else "")
                     yield {"sensor": sensor, "of": of.removesuffix("s"), "name": name, **value, "unit": unit}
 
 

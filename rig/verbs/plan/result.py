@@ -28,7 +28,7 @@ from rig.procedures.plan.advice import Advice
 from rig.procedures.plan.hand_steps import ALLOWANCE_H, HandStep
 from rig.procedures.present.blocks import Block, Grid, Line
 from rig.procedures.present.durations import duration
-from rig.procedures.tables.unused import unit_of
+from rig.procedures.tables.unused import known_unit_of
 from rig.register import DOCUMENT
 from rig.runs.forecast import ALLOWANCE, SOAK_ALLOWANCE, Forecast, rehearse
 from rig.runs.plans import Plan as Checked
@@ -278,7 +278,7 @@ class Plan(Result):
         rows = self.precision.rows
         text = [name for name in rows[0] if any(isinstance(row.get(name), str) for row in rows)]
         numbers = [name for name in rows[0] if name not in text]
-        units = {name: unit for name in numbers if (unit := unit_of(name))}
+        units = {name: unit for name in numbers if (unit := known_unit_of(name))}
         return of_rows(rows, text, numbers, {"procedure": self.checked.procedure.name}, units)
 
     def plot(self) -> Plots:
@@ -289,7 +289,7 @@ class Plan(Result):
         settings = [run_list.setting(point) for point in run_list.points]
         figure, axes = grid(len(run_list.factors), columns=1, height=2.0)
         for axis, factor in zip(axes, run_list.factors, strict=True):
-            unit = unit_of(factor.name)
+            unit = known_unit_of(factor.name)
             axis.plot(np.arange(len(settings)) + 1, [one[factor.name] for one in settings], ".", ms=3)
             axis.set_title(f"{factor.name.removesuffix(f'_{unit}')} / {unit}", fontsize=9)
             axis.set_xlabel("point, in the order of running", fontsize=8)

@@ -1,6 +1,6 @@
 """Changes that a person can make to an attitude bench, and their influence on families of effects.
 
-An effect with another influence has its own `hand` in its entry.
+An effect with another influence has its own `manual_changes` in its entry.
 """
 
 from __future__ import annotations

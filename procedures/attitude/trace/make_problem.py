@@ -29,7 +29,7 @@ through small misalignments and would need absurd coefficients.
 """
 
 
-def pose(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool = False) -> Problem:
+def make_problem(data: AttitudeData, catalogue: Sequence[Effect], *, temperature: bool = False) -> Problem:
     """Prepare a run for the search.
 
     Args:

@@ -11,7 +11,7 @@ OTHER_REFERENCE = Change("reference-swapped", "use another reference standard, i
 OTHER_CHANNEL = Change("channel-swapped", "connect the sensors to other channels, not beside each other", anew=False)
 REMOUNTED = Change("remount", "take the sensors out, and mount them again as they were")
 
-HANDS: Mapping[str, tuple[ByHand, ...]] = {
+MANUAL_CHANGES: Mapping[str, tuple[ByHand, ...]] = {
     "range-step": (resized_by(OTHER_METER),),
     "range-gain": (resized_by(OTHER_METER),),
     "reference-nonlinearity": (resized_by(OTHER_REFERENCE),),
