@@ -1,16 +1,64 @@
 """Meaning of a Druck PACE's numbers: unit, control range, reference of pressures, and the atmosphere.
 
-All of it is asked of the controller at every use, because anybody may change it at the front panel.
+All of it is asked of the controller at every use, because anybody may change it at the front panel. The name of a
+control range consists of its full scale, its unit, and the reference of pressures (K0472, :INST:CAT:ALL?): "15.00psia",
+"3.50barg", "1600HPAG".
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 from rig.drivers.druck_options import PaceOptions
-from rig.drivers.druck_ranges import PASCALS, full_scale_psi, reference_of
 from rig.drivers.druck_scpi import PaceScpi
 from rig.drivers.errors import BadReply
+
+PASCALS = {
+    "PSI": 6894.757293168,
+    "BAR": 1e5,
+    "MBAR": 100.0,
+    "HPA": 100.0,
+    "KPA": 1e3,
+    "MPA": 1e6,
+    "PA": 1.0,
+    "TORR": 101325.0 / 760.0,
+    "MMHG": 133.322387415,
+}
+"""Units of readings, in pascals: somebody may change the unit at the front panel."""
+
+_REFERENCES = {"A": "absolute", "G": "gauge", "D": "differential"}
+
+
+def full_scale_psi(name: str) -> float | None:
+    """Full scale of a range, psi; None if the name does not contain it.
+
+    Args:
+        name: as the instrument gives it; upper and lower case are equivalent.
+    """
+    found = _parts(name)
+    return None if found is None else float(found[0]) * PASCALS[found[1]] / PASCALS["PSI"]
+
+
+@lru_cache(maxsize=64)  # every reading asks for it
+def reference_of(name: str) -> str:
+    """Reference of its pressures: "absolute", "gauge", "differential", or "" if the name does not contain it."""
+    found = _parts(name)
+    letter = name.strip()[-1:].upper() if found is None else found[2]
+    return _REFERENCES.get(letter, "")
+
+
+def _parts(name: str) -> tuple[str, str, str] | None:
+    """Number, unit, letter; the last letter may belong to the unit, as in mmHg and Pa."""
+    match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([A-Z0-9]+?)\s*", name.upper())
+    if match is None:
+        return None
+    number, rest = match.groups()
+    if rest[:-1] in PASCALS and rest[-1] in _REFERENCES:
+        return number, rest[:-1], rest[-1]
+    return (number, rest, "") if rest in PASCALS else None
+
 
 _ATMOSPHERE_PSI = (6.5, 16.5)  # from the highest towns to the deepest mines
 _BELOW_VACUUM_PSI = -0.5  # no zero error of a sensor is as large

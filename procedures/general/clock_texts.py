@@ -16,11 +16,6 @@ def is_clock(cells: Sequence[str]) -> bool:
     return bool(len(cells)) and all(stamp_of(cell) is not None for cell in cells)
 
 
-def has_date(cells: Sequence[str]) -> bool:
-    """Whether all texts are dates, with a time of day or without."""
-    return all((stamp := stamp_of(cell)) is not None and stamp.numbers for cell in cells)
-
-
 def seconds_of(
     name: str, cells: Sequence[str], dates: Sequence[str] | None = None, order: str | None = None
 ) -> FloatArray:

@@ -1,10 +1,13 @@
 """Simulated pair of CiA 402 drives on one CAN bus: the dividing head's pitch and roll.
 
-The data sheet in the options describes the objects of the nodes; the drives themselves are in `cia402_drive`.
+The data sheet in the options describes the objects of the nodes; the drives themselves are in `cia402_drive`. Units of
+speed and acceleration: CiA 402-2, objects 60A9h, 60AAh; codes of CiA 303-2 (B5h increments, B4h revolutions,
+41h degrees, C0h revolutions per minute, 03h seconds, 47h minutes, 57h seconds squared).
 """
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -15,10 +18,55 @@ from rig.sims.faults.instrument_faults import OF_HEADS
 from rig.sims.physics import Plant
 from rig.sims.twin import Medium, Role
 from rig.sims.twins.cia402_drive import FOLLOWING_ERROR, OVERCURRENT, Drive
-from rig.sims.twins.cia402_rates import rates
-from rig.sims.wires.eds import identified, read_eds
+from rig.sims.wires.eds import EdsObject, Key, identified, read_eds
 from rig.sims.wires.sdo_server import SdoServer
 from rig.sims.world import World
+
+_VELOCITY, _ACCELERATION = (0x60A9, 0), (0x60AA, 0)
+
+
+def rates(
+    options: Mapping[str, object], objects: Mapping[Key, EdsObject], counts_per_degree: float
+) -> tuple[float, float]:
+    """Units on the wire per 1 deg/s and 1 deg/s^2 of the table.
+
+    Args:
+        options: those of the bench file; uses `velocity_unit`, `acceleration_unit` and `turns_per_table_turn`.
+        objects: objects of the data sheet; counts if neither names a unit.
+        counts_per_degree: encoder resolution.
+    """
+    turns = float(str(options.get("turns_per_table_turn") or 0.0)) or _turns(objects, counts_per_degree)
+    per = {"increments": counts_per_degree, "revolutions": turns / 360.0, "degrees": turns, "rpm": turns / 6.0}
+    found = []
+    for name, key in (("velocity_unit", _VELOCITY), ("acceleration_unit", _ACCELERATION)):
+        text = options.get(name)
+        factor, thing = _named(str(text)) if text else _coded(objects.get(key))
+        found.append(per[thing] / factor)
+    return found[0], found[1]
+
+
+def _named(text: str) -> tuple[float, str]:
+    match = re.match(r"(?:([\d.e+-]+) )?(counts|rpm|rev|deg)", text)
+    assert match is not None, text
+    names = {"counts": "increments", "rpm": "rpm", "rev": "revolutions", "deg": "degrees"}
+    return float(match[1] or 1.0), names[match[2]]
+
+
+def _coded(told: EdsObject | None) -> tuple[float, str]:
+    code = int(told.default) if told is not None and isinstance(told.default, int) else 0
+    prefix, thing, time = code >> 24 & 0xFF, code >> 16 & 0xFF, code >> 8 & 0xFF
+    names = {0xB5: "increments", 0xB4: "rpm" if time == 0x47 else "revolutions", 0x41: "degrees", 0xC0: "rpm"}
+    return 10.0 ** (prefix if prefix < 128 else prefix - 256), names.get(thing, "increments")
+
+
+def _turns(objects: Mapping[Key, EdsObject], counts_per_degree: float) -> float:
+    """By feed constant (6092h) or encoder resolution (608Fh) if the data sheet sets them; 1 otherwise."""
+    for index in (0x6092, 0x608F):
+        over, under = objects.get((index, 1)), objects.get((index, 2))
+        if over and under and int(over.default) > int(under.default) > 0:
+            return 360.0 * counts_per_degree * int(under.default) / int(over.default)
+    return 1.0
+
 
 REPLY_S = 0.0005
 """Seconds from an SDO request to its reply, both on the wire: about 0.25 ms each at 500 kbit/s."""

@@ -1,7 +1,7 @@
 """One axis of a simulated CiA 402 drive: power state machine, profile position, homing.
 
 Source: CiA 402 (IEC 61800-7-201): states and controlword commands, set-point handshake, statusword. Positions are
-encoder counts; speeds and accelerations have the units of `cia402_rates`. The mechanics behind the encoder are the
+encoder counts; speeds and accelerations have the units of `cia402.rates`. The mechanics behind the encoder are the
 plant's. The drive counts from its position at power-on until homing has found the mark.
 """
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from rig.fitter.effects.sizes import amplitude, arcsec, each
 from rig.fitter.rounding import with_error
-from rig.procedures.present.text_picture import picture
+from rig.procedures.present.effects_shown import picture
 from rig.verbs.infer.result import infer
 
 ROOT = Path(__file__).parents[2]

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from serial_bench import plug_in, wires
 
+from rig.drivers.druck_measures import full_scale_psi, reference_of
 from rig.drivers.druck_pace import DruckPACE
-from rig.drivers.druck_ranges import full_scale_psi, reference_of
 from rig.drivers.druck_scpi import _same_header
 from rig.drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
 from rig.drivers.roles import PressureController, Restartable, SelfChecking

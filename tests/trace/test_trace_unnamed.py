@@ -21,7 +21,7 @@ from rig.procedures.attitude.trace.places import between_replications
 from rig.procedures.attitude.trace.places import places_of as attitude_places
 from rig.procedures.general.column_roles import Roles
 from rig.procedures.general.evaluate import trace_general_table
-from rig.procedures.present.text_picture import picture
+from rig.procedures.present.effects_shown import picture
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.evaluate import WholePlotTraced
 from rig.procedures.pressure.fitted import Declared

@@ -23,7 +23,7 @@ from rig.fitter.trace.engine.score import View
 from rig.fitter.trace.engine.shared import Shared
 from rig.fitter.trace.jointly import nearest, ranks
 from rig.procedures.general.column_roles import Roles, roles_of
-from rig.procedures.general.effects.instrument_columns import BORDERS, range_gain, range_step
+from rig.procedures.general.effects.of_instruments import BORDERS, range_gain, range_step
 from rig.procedures.general.effects.scene import Stood, TableScene
 from rig.procedures.general.effects.time_columns import lagging
 from rig.procedures.general.trace import cross

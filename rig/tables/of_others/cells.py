@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 
 from rig.errors import UsageError
-from rig.tables.of_others.cell_times import dates_with_dots, times_of
+from rig.procedures.tables.dates import Stamp, form_of, stamp_of
 from rig.tables.of_others.encoding import text_of
 from rig.tables.of_others.file_form import FileForm
 from rig.tables.of_others.footers import footers, labelled_rows
@@ -31,6 +31,36 @@ from rig.tables.of_others.numbers import (
     notation_of,
     without_units,
 )
+
+_FIRST = 50
+"""Cells of a column by which its dates are recognised."""
+
+
+def times_of(columns: Mapping[str, Sequence[str]]) -> dict[str, str]:
+    """How the dates of columns are read, in words, by column; "" where they leave no doubt."""
+    found = {}
+    for name, cells in columns.items():
+        stamps = _stamps(cells)
+        if stamps:
+            found[name] = form_of(stamps)
+    return found
+
+
+def dates_with_dots(cells: Sequence[str]) -> bool:
+    """Whether a column has dates with dots between their numbers, as 24.11.2020."""
+    return any(stamp.numbers and stamp.sign == "." for stamp in _stamps(cells[:_FIRST]))
+
+
+def _stamps(cells: Sequence[str]) -> list[Stamp]:
+    """The times of a column; [] if it has anything else."""
+    found = []
+    for cell in cells:
+        if is_missing(cell):
+            continue
+        if (stamp := stamp_of(cell)) is None:
+            return []
+        found.append(stamp)
+    return found
 
 
 @dataclass(frozen=True)
