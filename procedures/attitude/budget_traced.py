@@ -15,9 +15,9 @@ from rig.fitter.budget import TypeA
 from rig.procedures.attitude.budget import AttitudeEvaluation
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects import CATALOGUE
-from rig.procedures.attitude.fitted import traced_effects
+from rig.procedures.attitude.fitted import Others, traced_effects
 from rig.procedures.attitude.infer import AttitudeCalibration
-from rig.procedures.attitude.infer.traced import calibrate_traced
+from rig.procedures.attitude.infer.traced import Volts, calibrate_traced
 from rig.procedures.attitude.results import Model
 from rig.procedures.evaluate.budgeting import alike
 
@@ -26,14 +26,20 @@ class TracedEvaluation(AttitudeEvaluation):
     """The declared model with traced effects, fitted to every sensor of a run."""
 
     def __init__(
-        self, data: AttitudeData, at_deg: Sequence[tuple[float, float]], *, temperature: bool, gravity: float | None
+        self,
+        data: AttitudeData,
+        at_deg: Sequence[tuple[float, float]],
+        *,
+        temperature: bool,
+        gravity: float | None,
+        effects: tuple[Volts, Others] | None = None,
     ) -> None:
         super().__init__(data, at_deg, temperature=temperature, gravity=gravity)
-        effects, others = traced_effects(data, temperature=temperature)
-        self._effects = effects
-        self._plain = calibrate_traced(data, effects, others, temperature=temperature)
+        own, others = traced_effects(data, temperature=temperature) if effects is None else effects
+        self._effects = own
+        self._plain = calibrate_traced(data, own, others, temperature=temperature)
         held = {name: np.zeros(len(data)) for name in data.outputs}
-        for by in effects.values():
+        for by in own.values():
             for sensor, volts in by.items():
                 held[sensor] = held[sensor] + (volts if volts.ndim == 1 else volts.sum(axis=1))
         self._held = np.array([held[name] for name in data.outputs])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,12 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.confirm import CARRIED_ON, Confirmation, Later, Question
 from rig.fitter.effects.entry import Entry
 from rig.fitter.effects.manual_changes import Done
+from rig.procedures.attitude.budget import AttitudeEvaluation
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects import CATALOGUE, Effect, separate
 from rig.procedures.attitude.evaluate import AttitudeTraced
-from rig.procedures.attitude.fitted import AttitudeFitted, fit_attitude_table
+from rig.procedures.attitude.evaluation import attitude_evaluation
+from rig.procedures.attitude.fitted import AttitudeFitted, effects_of, fit_attitude_table
 from rig.procedures.attitude.model import mounting_matrix
 from rig.procedures.attitude.options import FitOptions
 from rig.procedures.attitude.parameters import SCALE, UNIT
@@ -24,7 +26,7 @@ from rig.procedures.attitude.settings import DesignSettings, PitchRollProcedure
 from rig.procedures.attitude.table import attitude_data
 from rig.procedures.attitude.together import AttitudeTogether, mountings
 from rig.procedures.errors import DataError
-from rig.procedures.evaluate.confirming import SETTLED, Confirming, in_words
+from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit, Confirming, in_words
 from rig.procedures.plan.further_runs import Variation, repeated
 from rig.procedures.plan.run_list import RunList
 from rig.procedures.tables.table import Table
@@ -158,7 +160,7 @@ class AttitudeConfirming(Confirming):
         questions: Sequence[Question],
         record: dict[str, Any],
         options: FitOptions,
-    ) -> AttitudeFitted:
+    ) -> ConfirmedFit:
         """If several causes remain, intervals cover those; if nothing is settled, the whole class."""
         if options.at_degC is not None or options.points is not None:
             raise DataError(
@@ -182,7 +184,22 @@ class AttitudeConfirming(Confirming):
         )
         kept = result["calibration"]
         kept["notes"] = [*kept["notes"], *(effect["used"] for effect in record["effects"])]
-        return AttitudeFitted(result | {"confirmed_by": record}, self.traced.table)
+        return ConfirmedFit(AttitudeFitted(result, self.traced.table), record, partial(self._evaluation, allowed))
+
+    def _evaluation(
+        self,
+        allowed: Mapping[str, Sequence[str]],
+        at: Sequence[Mapping[str, float]],
+        constants: Mapping[str, float],
+    ) -> AttitudeEvaluation:
+        """The run with the effects that further runs left, for budgets."""
+        return attitude_evaluation(
+            self.traced.table,
+            at,
+            temperature=self.traced.temperature,
+            effects=effects_of(self.found, allowed),
+            gravity=constants.get("gravity"),
+        )
 
     def _planned(self, variation: Variation, run_list: RunList) -> AttitudeData:
         data, procedure = self.data, variation.procedure

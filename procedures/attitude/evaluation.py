@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 from rig.fitter.errors import FitError
 from rig.procedures.attitude.budget import AttitudeEvaluation
@@ -12,6 +14,10 @@ from rig.procedures.attitude.table import attitude_data
 from rig.procedures.errors import DataError
 from rig.procedures.tables.table import Table
 
+if TYPE_CHECKING:
+    from rig.procedures.attitude.fitted import Others
+    from rig.procedures.attitude.infer.traced import Volts
+
 
 def attitude_evaluation(
     table: Table,
@@ -19,6 +25,7 @@ def attitude_evaluation(
     *,
     temperature: bool | None,
     traced: bool = False,
+    effects: tuple[Volts, Others] | None = None,
     gravity: float | None,
 ) -> AttitudeEvaluation:
     """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
@@ -26,12 +33,13 @@ def attitude_evaluation(
     Args:
         temperature: as for `fit_attitude_table`.
         traced: with the effects that a trace finds.
+        effects: with these, and with others in their place, as `rig.procedures.attitude.fitted.effects_of` has them.
     """
-    made: type[AttitudeEvaluation] = AttitudeEvaluation
-    if traced:
+    made: Callable[..., AttitudeEvaluation] = AttitudeEvaluation
+    if traced or effects is not None:
         from rig.procedures.attitude.budget_traced import TracedEvaluation  # noqa: PLC0415 - few budgets are traced
 
-        made = TracedEvaluation
+        made = partial(TracedEvaluation, effects=effects)
 
     data = attitude_data(table)
     warm = bool(table.declared.get("temperature", False)) if temperature is None else temperature

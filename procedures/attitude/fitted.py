@@ -20,7 +20,6 @@ from rig.procedures.evaluate.catalogue import with_own
 from rig.procedures.evaluate.left_out import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.procedures.evaluate.results import PlainFitted
 from rig.procedures.present.blocks import Block, headline
-from rig.procedures.present.effects_shown import show_confirmed
 from rig.procedures.tables.unused import unused_in_fit
 
 if TYPE_CHECKING:
@@ -218,5 +217,3 @@ class AttitudeFitted(PlainFitted):
 
         yield headline(PurePath(self.table.source).name, self.table)
         yield from show_attitude_fit(self.result)
-        if "confirmed_by" in self.result:
-            yield from show_confirmed(self.result["confirmed_by"])

@@ -14,6 +14,7 @@ from rig.fitter.budget import TypeA
 from rig.procedures.errors import DataError
 
 if TYPE_CHECKING:
+    from rig.fitter.trace.outcome import Outcome
     from rig.procedures.evaluate.stated import PlaceConstant
     from rig.procedures.tables.table import Columns, Table
 
@@ -68,6 +69,7 @@ class Results:
     at: tuple[Mapping[str, float], ...] = ()
 
 
+NOT_COVERED = ": intervals of rig infer do not cover it"
 SCATTER = ("scatter of readings", "the run")
 """Name and source of the covariance by the fit and, for inferred values, by one reading in use."""
 
@@ -182,6 +184,25 @@ class Evaluation(ABC):
         """
         return (self,)
 
+    def grids(self) -> Mapping[str, tuple[str, Sequence[Mapping[str, float]]]]:
+        """By output, the quantity that a reading determines, and points along it at which lines of the budget that are
+        no change of coefficients are kept for the use of a calibration; {} where a kind keeps none.
+        """
+        return {}
+
+    @property
+    def outcomes(self) -> Sequence[Outcome]:
+        """Outcomes of the trace, if the model has its effects, and the kind has `grids`."""
+        return ()
+
+    def moved_to(self, at: Sequence[Mapping[str, float]]) -> Evaluation:
+        """The same at other points, of a kind that has `grids`."""
+        raise NotImplementedError
+
+    def kept_variance(self, output: str) -> FloatArray:
+        """(p,) variance of values inferred from an output at the points, by the calibration alone that is kept."""
+        raise NotImplementedError
+
     def notes(self) -> Iterable[str]:
         """Sentences about the scatter."""
         return ()
@@ -196,4 +217,4 @@ class Evaluation(ABC):
 
     def not_kept(self) -> Iterable[str]:
         """Sentences about lines of the budget that a calibration file cannot keep for its use."""
-        return (f"{one.name}: intervals of rig infer do not cover it" for one in self.reversibility())
+        return (f"{one.name}{NOT_COVERED}" for one in self.reversibility())

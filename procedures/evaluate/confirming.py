@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any, Self
@@ -14,6 +14,7 @@ from rig.fitter.arrays import IntArray
 from rig.fitter.confirm import Confirmation, Later, Question, Together
 from rig.fitter.effects.entry import Entry
 from rig.fitter.effects.manual_changes import Done
+from rig.procedures.evaluate.budgeting import Evaluation
 from rig.procedures.evaluate.results import Fitted, Page
 from rig.procedures.plan.further_runs import Variation
 from rig.procedures.plan.run_list import RunList
@@ -148,7 +149,7 @@ class Confirming(ABC):
     @abstractmethod
     def calibrated(
         self, answers: Sequence[Confirmation], questions: Sequence[Question], record: dict[str, Any], options: Any
-    ) -> Fitted:
+    ) -> ConfirmedFit:
         """The calibration of this run with the causes confirmed by a further run.
 
         Args:
@@ -165,10 +166,23 @@ class Confirming(ABC):
 
 @dataclass(frozen=True)
 class ConfirmedFit:
-    """A calibration with terms confirmed by a further run, and their source."""
+    """A calibration with terms confirmed by a further run, and their source.
+
+    Attributes:
+        fitted: the calibration.
+        record: both runs, and the used explanation of every effect.
+        evaluation: the same model in the evaluation of the run for its budgets, by points and constants of the place
+            as for `Kind.evaluation`; None where budgets have no such model.
+    """
 
     fitted: Fitted
     record: dict[str, Any]
+    evaluation: Callable[[Sequence[Mapping[str, float]], Mapping[str, float]], Evaluation] | None = None
+
+    @property
+    def without(self) -> list[str]:
+        """Effects of which nothing is in the calibration, since no further run settled their cause."""
+        return [str(one["named"]) for one in self.record["effects"] if one["verdict"] not in SETTLED]
 
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig fit --json`."""

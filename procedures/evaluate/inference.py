@@ -40,7 +40,8 @@ class Inference:
         alike: quantities that are one and the same by several sensors, such as `prt_1_bath_degC`: the sensor of each.
         turns: a full turn, in the unit of the quantity, of those that begin again after it, such as angles: 360.
         flags: the column of flags of each quantity, where there are several such columns.
-        outputs: outputs from which each quantity is inferred; none where the error of a reading is stated.
+        outputs: outputs from which each quantity is inferred.
+        stated: quantities for which the error of a reading in use is stated.
         uncertainty: what standard deviations and intervals have: "total", or that they are repeatability only.
         readings: for how many readings in use each quantity's uncertainty holds, or words where that is no number.
         own_sd: (n,) standard deviation of each quantity without the influences below; {} if there are none.
@@ -60,6 +61,7 @@ class Inference:
     turns: Mapping[str, float] = field(default_factory=dict)
     flags: Mapping[str, str] = field(default_factory=dict)
     outputs: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    stated: frozenset[str] = frozenset()
     uncertainty: str = ""
     readings: Mapping[str, Any] = field(default_factory=dict)
     own_sd: Mapping[str, FloatArray] = field(default_factory=dict)

@@ -44,13 +44,16 @@ def in_use(found: Inference, within: Mapping[str, Within], count: float | None) 
         within: readings of the run, by output.
         count: number of readings in use; None for that of the run.
     """
-    told = {quantity: _count(found.outputs.get(quantity, ()), within, count) for quantity in found.quantities}
+    told = {
+        quantity: STATED if quantity in found.stated else _count(found.outputs.get(quantity, ()), within, count)
+        for quantity in found.quantities
+    }
     rows = len(next(iter(found.columns.values())))
     same = len(set(told.values())) == 1
     named = {COLUMN: next(iter(told.values()))} if same else {f"{q}_{COLUMN}": one for q, one in told.items()}
     named = {name if name not in found.columns else f"inferred_{name}": one for name, one in named.items()}
     columns = {**found.columns, **{name: np.full(rows, one, dtype=object) for name, one in named.items()}}
-    outputs = [name for every in found.outputs.values() for name in every]
+    outputs = [name for quantity, every in found.outputs.items() if quantity not in found.stated for name in every]
     notes = list(_sentences(outputs, within, count))
     if count is None and any(one.df for name, one in within.items() if name in outputs):
         notes.append("--readings gives standard deviations and intervals for another number of readings")
@@ -61,8 +64,6 @@ def in_use(found: Inference, within: Mapping[str, Within], count: float | None) 
 def _count(outputs: Iterable[str], within: Mapping[str, Within], count: float | None) -> Any:
     """Number of readings; in words where it is not known, or differs between outputs."""
     every = tuple(outputs)
-    if not every:
-        return STATED
     if count is not None:
         return _number(count)
     known = {name: _number(within[name].readings) for name in every if name in within}

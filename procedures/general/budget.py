@@ -26,6 +26,8 @@ from rig.procedures.general.strata_of_run import (
 )
 from rig.procedures.tables.table import Columns, Table
 
+GRID = 33
+"""Points over the calibrated range at which lines of budgets are kept for use; between them they are interpolated."""
 _AT = "the points of results (`--at`, or `at` in certificate.toml)"
 
 
@@ -76,6 +78,23 @@ class GeneralEvaluation(EvaluationBySensor):
     def stored(self) -> Any:
         """See `Evaluation`."""
         return {one.name: one.calibration.to_dict() for one in self._each}
+
+    def grids(self) -> Mapping[str, tuple[str, Sequence[Mapping[str, float]]]]:
+        """See `Evaluation`: over all that was calibrated, at the means of the other quantities."""
+        table, found = self._table, {}
+        names = {*table.factors, *(name for one in self._each for name in one.calibration.formula.names)}
+        means = {name: float(table.columns[name].mean()) for name in names if name in table.columns}
+        for one in self._each:
+            if one.variable is not None:
+                values = table.columns[one.variable]
+                places = np.linspace(values.min(), values.max(), GRID)
+                found[one.name] = (one.variable, [{**means, one.variable: float(x)} for x in places])
+        return found
+
+    def kept_variance(self, output: str) -> FloatArray:
+        """See `Evaluation`."""
+        one = next(one for one in self._each if one.name == output)
+        return np.asarray(one.calibration.reading_variance(one.rows)[0] / one.slope**2)
 
     def notes(self) -> Iterable[str]:
         """See `Evaluation`."""

@@ -17,11 +17,12 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.budget import TypeA
 from rig.fitter.errors import FitError
-from rig.procedures.evaluate.budgeting import alike
+from rig.fitter.trace.outcome import Outcome
+from rig.procedures.evaluate.budgeting import NOT_COVERED, alike
 from rig.procedures.general.budget import GeneralEvaluation
 from rig.procedures.general.budget_sensor import Sensor
 from rig.procedures.general.of_runs import RunModels, recorded, trace_run
-from rig.procedures.general.traced import with_effects
+from rig.procedures.general.traced import WithEffects, with_effects
 from rig.procedures.tables.table import Table
 
 ROWS = 24
@@ -31,19 +32,25 @@ ROWS = 24
 class TracedEvaluation(GeneralEvaluation):
     """All sensors of a run, each by its declared model with traced effects."""
 
-    def __init__(self, table: Table, at: Sequence[Mapping[str, float]]) -> None:
-        asked = RunModels.of(table)
-        assert asked is not None  # a run's own outputs
-        self._found, self._points = (
-            with_effects(asked, trace_run(asked, validate=False), covered=True),
-            _with_means(table, at),
-        )
+    def __init__(self, table: Table, at: Sequence[Mapping[str, float]], found: WithEffects | None = None) -> None:
+        self._recorded = table
+        self._found = _traced(table) if found is None else found
+        self._points = _with_means(table, at)
         super().__init__(self._found.asked.table, self._points, self._found.asked.models)
         off, slopes, by_side = self._found.off, self._found.slopes, self._found.by_side
         self._each = [
             replace(one, beside=off.get(one.name), slopes=slopes.get(one.name), by_side=by_side.get(one.name))
             for one in self._each
         ]
+
+    @property
+    def outcomes(self) -> Sequence[Outcome]:
+        """See `Evaluation`."""
+        return self._found.outcomes
+
+    def moved_to(self, at: Sequence[Mapping[str, float]]) -> TracedEvaluation:
+        """See `Evaluation`."""
+        return TracedEvaluation(self._recorded, at, self._found)
 
     @cached_property
     def _moved(self) -> Sequence[tuple[str, str, str, FloatArray | None]]:
@@ -101,7 +108,14 @@ class TracedEvaluation(GeneralEvaluation):
     def not_kept(self) -> Iterable[str]:
         """See `Evaluation`."""
         yield from super().not_kept()
-        yield from (f"{one.name}: intervals of rig infer do not cover it" for one in self.model_errors())
+        yield from (f"{one.name}{NOT_COVERED}" for one in self.model_errors())
+
+
+def _traced(table: Table) -> WithEffects:
+    """The run with the effects that its trace finds."""
+    asked = RunModels.of(table)
+    assert asked is not None  # a run's own outputs
+    return with_effects(asked, trace_run(asked, validate=False), covered=True)
 
 
 def _with_means(table: Table, at: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:

@@ -18,6 +18,7 @@ from rig.procedures.column_names import moves_of, read_at, spelled, unit_of, wit
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit, Confirming, in_words
 from rig.procedures.general.effects.of_others import HYSTERESIS
+from rig.procedures.general.evaluation import general_evaluation
 from rig.procedures.general.factors import RANDOM
 from rig.procedures.general.found_in_run import FoundInRun
 from rig.procedures.general.further_runs import values_of, with_routine
@@ -241,7 +242,13 @@ class GeneralConfirming(Confirming):
             if answer.effect in off:
                 told = [note for note in every if note.startswith(f"{off[answer.effect]} ")] or [NOT_OURS]
                 effect["used"] = f"{effect['told']}; {told[0]}"
-        return ConfirmedFit(noted_of(fit_run(run.asked.adding(added)), run.notes), record)
+        with_all = replace(run, asked=run.asked.adding(added))
+        plain = options.response is None and options.formula is None
+        return ConfirmedFit(
+            noted_of(fit_run(with_all.asked), run.notes),
+            record,
+            (lambda at, _: general_evaluation(self.traced.table, at, found=with_all)) if plain else None,
+        )
 
     @cached_property
     def _times_s(self) -> tuple[float, float]:

@@ -2,37 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.general.budget import _AT, GeneralEvaluation
 from rig.procedures.tables.table import Table
 
+if TYPE_CHECKING:
+    from rig.procedures.general.traced import WithEffects
 
-def general_evaluation(table: Table, at: Sequence[Mapping[str, float]], *, traced: bool = False) -> GeneralEvaluation:
+
+def general_evaluation(
+    table: Table, at: Sequence[Mapping[str, float]], *, traced: bool = False, found: WithEffects | None = None
+) -> GeneralEvaluation:
     """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
 
     Args:
         traced: with the effects that a trace finds.
+        found: with these effects.
     """
-    made: type[GeneralEvaluation] = GeneralEvaluation
-    if traced:
+    made: Callable[[Table, Sequence[Mapping[str, float]]], GeneralEvaluation] = GeneralEvaluation
+    if traced or found is not None:
         from rig.procedures.general.budget_traced import TracedEvaluation  # noqa: PLC0415 - few budgets are traced
 
-        made = TracedEvaluation
+        made = partial(TracedEvaluation, found=found)
 
     if not table.outputs:
         raise DataError(f"{table.source}: budgets are made of runs, whose bench says what reads what")
     _check_names(table, at)
     try:
-        found = made(table, at or _points(table))
+        every = made(table, at or _points(table))
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error
     for name in table.factors if at else ():
-        if name not in at[0] and (by := [one.name for one in found.each if name in one.plain.formula.names]):
+        if name not in at[0] and (by := [one.name for one in every.each if name in one.plain.formula.names]):
             raise DataError(f"{_AT}: they lack {name}, on which results of {', '.join(by)} depend; add it")
-    return found
+    return every
 
 
 def _check_names(table: Table, at: Sequence[Mapping[str, float]]) -> None:

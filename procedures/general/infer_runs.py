@@ -77,6 +77,7 @@ def infer_sensors(
     notes = tuple(dict.fromkeys(f"{name}: {note}" for name, one in found.items() for note in one.notes))
     df = {name: one.df[one.quantities[0]] for name, one in zip(quantities, found.values(), strict=True)}
     outputs = {name: one.outputs[one.quantities[0]] for name, one in zip(quantities, found.values(), strict=True)}
+    stated = frozenset(q for q, one in zip(quantities, found.values(), strict=True) if one.stated)
     several = {name: sensors for name, sensors in alike.items() if len(sensors) > 1}
     spare = {name: why for name, why in next(iter(found.values())).unused.columns.items() if name not in calibrations}
     spare = {name: why for name, why in spare.items() if all(name in one.unused.columns for one in found.values())}
@@ -93,4 +94,5 @@ def infer_sensors(
         alike=several,
         flags=flags,
         outputs=outputs,
+        stated=stated,
     )

@@ -78,7 +78,8 @@ def infer_general(
         quantities=(name,),
         unused=unused_beside(table, [*inputs], inputs),
         df={name: df},
-        outputs={name: () if u_reading is not None or calibration.reading is not None else (response,)},
+        outputs={name: (response,)},
+        stated=frozenset() if calibration.reading is None else frozenset([name]),
     )
 
 

@@ -19,6 +19,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Entry
 from rig.fitter.errors import FitError
 from rig.fitter.linear import orthonormal, spanned
+from rig.fitter.trace.outcome import Outcome
 from rig.procedures.column_names import unit_of
 from rig.procedures.general.effects.columns import less, middle, origin
 from rig.procedures.general.effects.literal import arithmetic
@@ -63,6 +64,7 @@ class WithEffects:
         off: (n, q) effects that were taken off, by output.
         slopes: (n, c) their changes with searched constants.
         by_side: (n,) the part of them that is of the direction of approach, or that these data cannot separate from it.
+        outcomes: of the trace, one for each sensor.
     """
 
     asked: RunModels
@@ -71,6 +73,7 @@ class WithEffects:
     off: Mapping[str, FloatArray]
     slopes: Mapping[str, FloatArray]
     by_side: Mapping[str, FloatArray]
+    outcomes: Sequence[Outcome]
 
 
 def fit_traced(asked: RunModels, leave_out: Sequence[str], own: Sequence[Entry]) -> RunFitted:
@@ -130,7 +133,7 @@ def with_effects(
         sided = [part.off[back] for name, part in by.items() if part.holds == HALF_WAY or (output, name) in perhaps]
         if sided:
             by_side[output] = np.asarray(np.sum(sided, axis=0))
-    return WithEffects(_run_with(asked, parts), notes, tuple(runs), off, slopes, by_side)
+    return WithEffects(_run_with(asked, parts), notes, tuple(runs), off, slopes, by_side, traced.outcomes)
 
 
 def _run_with(asked: RunModels, parts: Mapping[str, Mapping[str, Part]]) -> RunModels:

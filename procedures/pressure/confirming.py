@@ -20,6 +20,7 @@ from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.effects.scene import PressureEffect
 from rig.procedures.pressure.effects.separation import separate_pressure
 from rig.procedures.pressure.evaluate import WholePlotTraced
+from rig.procedures.pressure.evaluation import pressure_evaluation
 from rig.procedures.pressure.fitted import fit_whole_plots
 from rig.procedures.pressure.options import FitOptions
 from rig.procedures.pressure.settings import WholePlotProcedure
@@ -138,7 +139,13 @@ class WholePlotConfirming(Confirming):
                 why = "it is no function of pressure and temperatures: the calibration does not have it"
                 effect["used"] = f"{effect['told']}; {why}"
         model = options.formula or self.traced.table.declared.get("formula") or "full"
-        return ConfirmedFit(fit_whole_plots(self.traced.table, model, **{**given, "add": tuple(terms)}), record)
+        fitted = fit_whole_plots(self.traced.table, model, **{**given, "add": tuple(terms)})
+        plain = set(given) <= {"add", "exclude_zero"} and not options.exclude_zero
+        return ConfirmedFit(
+            fitted,
+            record,
+            (lambda at, _: pressure_evaluation(self.traced.table, model, at, extra=terms)) if plain else None,
+        )
 
     def _planned(self, run_list: RunList) -> WholePlotData:
         reading, soak = _whole_plot_s(self.data)

@@ -17,13 +17,19 @@ from rig.procedures.tables.table import Table
 
 
 def pressure_evaluation(
-    table: Table, formula: str | None, at: Sequence[Mapping[str, float]], *, traced: bool = False
+    table: Table,
+    formula: str | None,
+    at: Sequence[Mapping[str, float]],
+    *,
+    traced: bool = False,
+    extra: Sequence[str] = (),
 ) -> PressureEvaluation:
     """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
 
     Args:
         formula: the model; None for the declared one.
         traced: with the effects that a trace finds.
+        extra: further terms, without `traced`.
     """
     data = whole_plot_data(table)
     alive = {name: values for name, values in data.outputs.items() if float(np.ptp(values)) > 0.0}
@@ -33,7 +39,7 @@ def pressure_evaluation(
     model = formula or table.declared.get("formula") or usual(data)
     try:
         if not traced:
-            return PressureEvaluation(data, model, _points(data, at))
+            return PressureEvaluation(data, model, _points(data, at), extra)
         from rig.procedures.pressure.budget_traced import TracedEvaluation  # noqa: PLC0415 - few budgets are traced
         from rig.procedures.pressure.evaluate import trace_whole_plot_table  # noqa: PLC0415 - few budgets need it
 

@@ -68,7 +68,7 @@ def test_intervals_in_use_are_those_of_the_budget(kept, tmp_path, same):
     done = rig("infer", file, readings, "--out", out, *near, *meter)
     assert done.returncode == 0, done.stderr
     (row,) = csv.DictReader(out.read_text().splitlines())
-    assert row["uncertainty"] == "total"
+    assert row["uncertainty"] == "total by the model, without effects beside it"
     for column, name in inferred.items():
         budget = told[same][name]
         assert float(row[column]) == pytest.approx(budget["value"], rel=1e-9)
@@ -86,8 +86,9 @@ def test_a_calibration_without_a_register_says_repeatability_only(tmp_path):
     assert "repeatability only: the run has no register of equipment" in done.stderr
     readings.write_text("x_V,y_V,z_V\n0.0,0.0,-5.0\n")
     done = rig("infer", file, readings, "--out", tmp_path / "o.csv")
-    assert "repeatability only: no influence of the calibration's instruments" in done.stderr.replace("\n", " ")
-    assert "uncertainty" not in (tmp_path / "o.csv").read_text()
+    assert "intervals are repeatability only: the run has no register of equipment" in done.stderr.replace("\n", " ")
+    (row,) = csv.DictReader((tmp_path / "o.csv").read_text().splitlines())
+    assert row["uncertainty"] == "repeatability only"
     done = rig("infer", file, readings, "--out", tmp_path / "o.csv", "--same-meter")
     assert done.returncode == 2
     assert "--same-meter needs a calibration with influences" in done.stderr
@@ -174,7 +175,7 @@ def test_a_table_is_read_once_however_many_influences_there_are(kept, tmp_path):
     assert calibration.budget is not None
     assert len(calibration.budget.influences) > 3
     found = infer(calibration, counted, calibration.kind.infer_options())
-    assert set(found.columns["uncertainty"]) == {"total"}
+    assert set(found.columns["uncertainty"]) == {"total by the model, without effects beside it"}
     assert len(asked) == 1
 
 

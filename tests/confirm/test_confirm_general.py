@@ -170,4 +170,4 @@ def test_a_calibration_by_two_runs_with_a_register_is_corrected_by_the_certifica
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["coefficients"]["1"]["estimate"] == pytest.approx(0.12, abs=1e-4)
-    assert "--confirmed-by" in told["uncertainty"]
+    assert "rig infer adds the influences of the register" in told["uncertainty"]

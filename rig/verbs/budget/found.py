@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rig.by_kind import trace_table
 from rig.errors import UsageError
@@ -15,6 +15,9 @@ from rig.procedures.present.shell import shell_word
 from rig.tables import run_table
 from rig.verbs.budget.evaluation import OfRun, RunBudget, budget_of
 from rig.verbs.budget.undeclared import with_undeclared
+
+if TYPE_CHECKING:
+    from rig.fitter.trace.outcome import Outcome
 
 FOUND = (
     "the run was traced: the declared model lacks {effects}. Each result that they move has a line for them, and is of "
@@ -43,7 +46,7 @@ def with_found(of: OfRun, declared: RunBudget, asked: Mapping[str, Any], *, simu
     options |= {"quick": True} if "quick" in fields else {}
     try:
         outcomes = trace_table(run_table(Path(of.table.source)), **options).outcomes
-        by_sensor = {one.sensor: tuple(f.effect for f in one.named if f.kind == "effect") for one in outcomes}
+        by_sensor = effects_by_sensor(outcomes)
         found = "; ".join(
             f"{of.table.outputs.get(s, s)}: {', '.join(names)}" for s, names in by_sensor.items() if names
         )
@@ -55,6 +58,11 @@ def with_found(of: OfRun, declared: RunBudget, asked: Mapping[str, Any], *, simu
         return _noted(declared, NOT_TRACED.format(why=error))
     nameless = [of.table.outputs.get(one.sensor, one.sensor) for one in outcomes if one.unnamed]
     return _noted(made, NAMELESS.format(sensors=", ".join(nameless), run=run)) if nameless else made
+
+
+def effects_by_sensor(outcomes: Sequence[Outcome]) -> Mapping[str, tuple[str, ...]]:
+    """Names of the effects that a trace found, by sensor."""
+    return {one.sensor: tuple(f.effect for f in one.named if f.kind == "effect") for one in outcomes}
 
 
 def _noted(made: RunBudget, note: str) -> RunBudget:

@@ -41,7 +41,25 @@ def with_undeclared(
     Raises:
         DataError: a result has no number by the traced model, so that the effects cannot be counted in it.
     """
-    mine, other = declared.evaluation.results, traced.evaluation.results
+    mine = declared.evaluation.results
+    lines = undeclared_lines(declared.evaluation, traced.evaluation, effects)
+    type_a = (*declared.type_a, *lines)
+    made = budgets(
+        mine.names,
+        mine.units,
+        mine.values,
+        type_a,
+        declared.influences,
+        probability=declared.budgets[0].coverage_probability,
+        shapes=shapes,
+    )
+    covariance = np.sum([one.covariance for one in lines], axis=0)
+    return replace(declared, budgets=tuple(made), type_a=type_a, undeclared=_moved(covariance, made))
+
+
+def undeclared_lines(declared: Evaluation, traced: Evaluation, effects: Mapping[str, Sequence[str]]) -> list[TypeA]:
+    """The lines of `with_undeclared`, one for the effects of each sensor; arguments and errors as there."""
+    mine, other = declared.results, traced.results
     of = _effects_of(mine.sensors, effects)
     where = _partners(mine, other)
     through = _through_outputs(mine, where)
@@ -57,7 +75,7 @@ def with_undeclared(
     chosen = np.array(where, np.int64)
     turns = np.array([unit == "deg" for unit in mine.units])
     every = []
-    for evaluation in traced.evaluation.elsewhere(declared.evaluation.columns):
+    for evaluation in traced.elsewhere(declared.columns):
         moved = _same_readings(evaluation, mine, chosen)[chosen] - mine.values[place]
         times = _per_output(declared, through, moved)
         moved = times * moved
@@ -69,25 +87,14 @@ def with_undeclared(
         raise DataError(f"{mine.names[n]}: the size of {of[n]} in it is not finite; use --traced")
     square = np.ix_(chosen, chosen)
     covariance = away.T @ away / len(away)
-    for one in traced.evaluation.model_errors():
+    for one in traced.model_errors():
         covariance = covariance + np.outer(times, times) * one.covariance[square]
     covariance += np.diag(np.maximum(times**2 * other.of_fit[chosen] - mine.of_fit, 0.0))
     theirs = {names: np.array([one == names for one in of], np.float64) for names in dict.fromkeys(of)}
-    lines = [
+    return [
         TypeA(covariance * np.outer(mask, mask), np.inf, LINE.format(names), SOURCE, "B")
         for names, mask in theirs.items()
     ]
-    type_a = (*declared.type_a, *lines)
-    made = budgets(
-        mine.names,
-        mine.units,
-        mine.values,
-        type_a,
-        declared.influences,
-        probability=declared.budgets[0].coverage_probability,
-        shapes=shapes,
-    )
-    return replace(declared, budgets=tuple(made), type_a=type_a, undeclared=_moved(covariance, made))
 
 
 def _same_readings(traced: Evaluation, mine: Results, chosen: IntArray) -> FloatArray:
@@ -127,7 +134,7 @@ def _through_outputs(mine: Results, where: Sequence[int | None]) -> dict[int, in
     return found
 
 
-def _per_output(declared: RunBudget, through: Mapping[int, int], moved: FloatArray) -> FloatArray:
+def _per_output(declared: Evaluation, through: Mapping[int, int], moved: FloatArray) -> FloatArray:
     """(m,) change of each inferred value per change of the true output at its point; 1 for all other results.
 
     A reading of the true output is inferred by the declared model.
@@ -135,7 +142,7 @@ def _per_output(declared: RunBudget, through: Mapping[int, int], moved: FloatArr
     found = np.ones(len(moved))
     if not through:
         return found
-    mine = declared.evaluation.results
+    mine = declared.results
     least = 1e-9 * float(np.max(np.abs(mine.values[list(through.values())])))
     steps = {n: moved[n] if abs(moved[n]) > least else least for n in through}
     by_sensor = {
@@ -148,7 +155,7 @@ def _per_output(declared: RunBudget, through: Mapping[int, int], moved: FloatArr
         added: FloatArray = by_sensor.get(column, np.zeros_like(readings))
         return added
 
-    values = declared.evaluation.evaluate(Shift(in_use=in_use))
+    values = declared.evaluate(Shift(in_use=in_use))
     for n, step in steps.items():
         found[n] = (values[n] - mine.values[n]) / step
     return found

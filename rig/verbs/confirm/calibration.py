@@ -8,8 +8,8 @@ from typing import Any
 
 from rig.errors import UsageError
 from rig.fitter.confirm import Confirmation
-from rig.procedures.evaluate.confirming import SETTLED
-from rig.procedures.evaluate.results import Fitted, Options
+from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit
+from rig.procedures.evaluate.results import Options
 from rig.procedures.tables.table import Table
 from rig.tables import run_table
 from rig.verbs.confirm.answers import Confirmed, evidence, judge
@@ -18,7 +18,7 @@ from rig.verbs.confirm.first import First, open_traced
 
 def fit_confirmed(
     run: Path, later: Sequence[Path], options: Options, read: Callable[[Path], Table] = run_table
-) -> Fitted:
+) -> ConfirmedFit:
     """The calibration of a run with the causes confirmed by later ones.
 
     Args:
@@ -39,7 +39,7 @@ def fit_confirmed(
     return with_confirmed(first, judge(first, *later), options)
 
 
-def with_confirmed(first: First, confirmed: Confirmed, options: Options) -> Fitted:
+def with_confirmed(first: First, confirmed: Confirmed, options: Options) -> ConfirmedFit:
     """The calibration of the first run with the remaining explanations of every effect; see `fit_confirmed`."""
     record = provenance(first, confirmed)
     fitted = first.confirming.calibrated(confirmed.answers, first.questions, record, options)

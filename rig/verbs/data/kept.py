@@ -2,32 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
+from rig.procedures.evaluate.budgeting import NOT_COVERED, Evaluation
 from rig.procedures.evaluate.influences import StoredInfluence, explain, kept
 from rig.verbs.budget.evaluation import OfRun
+from rig.verbs.data.lines import WITHOUT, lines_in_use
+from rig.verbs.infer.total import TOTAL
 
 REPEATABILITY = "repeatability only"
+Evaluated = Callable[[Sequence[Mapping[str, float]], Mapping[str, float]], Evaluation]
+"""The evaluation of a run at points, by constants of the place."""
 
 
-def budget_section(of: OfRun, options: Mapping[str, Any]) -> dict[str, Any]:
+def budget_section(
+    of: OfRun, evaluated: Evaluated, given: Mapping[str, Any], without: Sequence[str] = (), *, declared: bool
+) -> dict[str, Any]:
     """The section "budget" of a calibration file.
 
     Args:
         of: the run, with its register.
-        options: of `rig budget` for its kind.
+        evaluated: the evaluation of it by the model of the calibration, at points.
+        given: options of its kind.
+        without: effects that are known and not in the model.
+        declared: whether that is the declared model, without effects that a trace finds.
 
     Raises:
         DataError: its kind has no budgets, or the run cannot be evaluated.
     """
-    evaluation = of.kind.evaluation(of.table, of.kind.budget_options(**options), (), of.stated.constants)
-    explain(evaluation, of.stated)
+
+    def at(points: Sequence[Mapping[str, float]]) -> Evaluation:
+        found = evaluated(points, of.stated.constants)
+        explain(found, of.stated)
+        return found
+
+    evaluation = at(())
     influences, notes = kept(evaluation, of.stated)
+    more = lines_in_use(of, at, given, declared=declared)
+    in_lines = {line["name"] for every in more.lines.values() for line in every}
+    told = {f"{name}{NOT_COVERED}": f"{name}: it is in the intervals, as in the budget of the run" for name in in_lines}
+    notes = [*more.notes, *(told.get(note, note) for note in notes)]
+    if without:
+        notes.insert(0, f"{', '.join(without)}: not in the model of the calibration, and in no interval")
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
     if of.stated.example:
@@ -36,6 +57,9 @@ def budget_section(of: OfRun, options: Mapping[str, Any]) -> dict[str, Any]:
         "register": of.register.name,
         "example": of.stated.example,
         "influences": [_json(one) for one in influences],
+        "lines": more.lines,
+        "scatter": more.scatter,
+        "uncertainty": TOTAL if more.whole and not without else WITHOUT,
         "notes": [*notes, *evaluation.notes()],
     }
     stored = evaluation.stored()

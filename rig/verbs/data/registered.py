@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ from rig.register import DOCUMENT
 from rig.run_file.read.reader import RunReader
 from rig.tables import FileSource, is_run, run_table
 from rig.verbs.budget.evaluation import OfRun, run_with_register
-from rig.verbs.data.kept import REPEATABILITY, budget_section
+from rig.verbs.data.kept import REPEATABILITY, Evaluated, budget_section
 
 if TYPE_CHECKING:
     from rig.procedures.tables.table import Table
@@ -82,12 +83,22 @@ class Registered:
         """
         return run_table(path) if self.run is None else run_with_register(path, self.equipment).table
 
-    def uncertainty(self, given: Mapping[str, Any], others: Sequence[str], *, keep: bool) -> Uncertainty:
+    def uncertainty(
+        self,
+        given: Mapping[str, Any],
+        others: Sequence[str],
+        evaluated: Evaluated | None = None,
+        without: Sequence[str] = (),
+        *,
+        keep: bool,
+    ) -> Uncertainty:
         """Uncertainties of a fit, with influences for its use if it is kept.
 
         Args:
             given: options of its kind.
-            others: further options that were given.
+            others: further options that were given, of whose model there is no evaluation.
+            evaluated: the evaluation by the model of the fit; None for that of `rig budget` with the same options.
+            without: effects that are known and not in the model.
             keep: whether it is written to a file.
         """
         if self.run is None:
@@ -98,8 +109,12 @@ class Registered:
             return Uncertainty(f"{REPEATABILITY}: influences are those of a fit without {', '.join(beyond)}")
         if not keep:
             return Uncertainty(f"{REPEATABILITY}: rig budget {shell_word(self.run.table.source)} gives uncertainties")
+        run, options = self.run, {name: given[name] for name in known if name in given}
+        chosen = run.kind.budget_options(**options)
+        by_model = evaluated or partial(run.kind.evaluation, run.table, chosen)
+        declared = evaluated is None and not options.get("traced")
         try:
-            section = budget_section(self.run, {name: given[name] for name in known if name in given})
+            section = budget_section(run, by_model, options, without, declared=declared)
         except DataError as error:
             return Uncertainty(f"{REPEATABILITY}: {error}")
         return Uncertainty(f"{REPEATABILITY} here; rig infer adds the influences of the register", section)

@@ -313,7 +313,8 @@ def fit_source(
     run, source = source.path, source if of.run is None else of.source
     kind, options = chosen(source, _asked(given), lambda one: one.fit_options)
     fitted: Fitted
-    others = [name for name, value in (("--leave-out", leave_out), ("--confirmed-by", confirmed_by)) if value]
+    others = ["--leave-out"] if leave_out else []
+    evaluated, without = None, []
     if confirmed_by:
         from rig.procedures.evaluate.points import WITH_EFFECTS  # noqa: PLC0415
         from rig.verbs.confirm import fit_confirmed  # noqa: PLC0415 - which few fits need
@@ -322,10 +323,13 @@ def fit_source(
             raise UsageError("--confirmed-by uses all rows: omit --leave-out")
         if given.get("at"):
             raise UsageError(WITH_EFFECTS)
-        fitted = fit_confirmed(run, confirmed_by, options, of.table_of)
+        fitted = confirmed = fit_confirmed(run, confirmed_by, options, of.table_of)
+        evaluated = confirmed.evaluation
+        without = confirmed.without
+        others += [] if evaluated is not None else ["--confirmed-by"]
     else:
         fitted = kind.fit(source, options, leave_out=leave_out, own=laboratory_effects(), keep=keep)
-    uncertainty = of.uncertainty(_asked(given), others, keep=keep)
+    uncertainty = of.uncertainty(_asked(given), others, evaluated, without, keep=keep)
     return Calibration(fitted, kind, source.name, source.understood, uncertainty, source.within)
 
 

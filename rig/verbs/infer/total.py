@@ -7,7 +7,7 @@ its contribution, and the degrees of freedom are those of Welch and Satterthwait
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,38 @@ class KeptInfluence:
 
 
 @dataclass(frozen=True, eq=False)
+class KeptLine:
+    """A line of the budget of inferred values that is no change of coefficients, such as an effect beside the model.
+
+    Attributes:
+        name: of it.
+        df: degrees of freedom.
+        at: (p,) inferred values, increasing.
+        u: (p,) standard uncertainty of each.
+    """
+
+    name: str
+    df: float
+    at: FloatArray
+    u: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class KeptScatter:
+    """Scatter of a budget that is not that of independent rows about the calibration.
+
+    Attributes:
+        at: (p,) inferred values, increasing.
+        more: (p,) variance of the budget's scatter less that of the calibration alone.
+        inverse_df: (p,) one over the degrees of freedom of the former.
+    """
+
+    at: FloatArray
+    more: FloatArray
+    inverse_df: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class KeptBudget:
     """The section "budget" of a calibration file.
 
@@ -55,12 +87,18 @@ class KeptBudget:
         example: whether its values are examples.
         influences: on the coefficients.
         notes: sentences for every use.
+        lines: of the budget that are no change of coefficients, by output.
+        scatter: of the budget beside that of the calibration, by output.
+        uncertainty: what standard deviations and intervals have with these.
     """
 
     register: str
     example: bool
     influences: tuple[KeptInfluence, ...]
     notes: tuple[str, ...]
+    lines: Mapping[str, tuple[KeptLine, ...]] = field(default_factory=dict)
+    scatter: Mapping[str, KeptScatter] = field(default_factory=dict)
+    uncertainty: str = TOTAL
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> KeptBudget:
@@ -75,7 +113,24 @@ class KeptBudget:
             for one in given["influences"]
         )
         notes = tuple(str(note) for note in given["notes"])
-        return cls(str(given["register"]), bool(given["example"]), influences, notes)
+        lines = {
+            str(output): tuple(
+                KeptLine(
+                    str(one["name"]),
+                    inf if one["df"] is None else float(one["df"]),
+                    np.array(one["at"], np.float64),
+                    np.array(one["u"], np.float64),
+                )
+                for one in every
+            )
+            for output, every in given.get("lines", {}).items()
+        }
+        scatter = {
+            str(output): KeptScatter(*(np.array(one[key], np.float64) for key in ("at", "more", "inverse_df")))
+            for output, one in given.get("scatter", {}).items()
+        }
+        words = str(given.get("uncertainty", TOTAL))
+        return cls(str(given["register"]), bool(given["example"]), influences, notes, lines, scatter, words)
 
 
 def _arrays(given: Mapping[str, Sequence[float]]) -> dict[str, FloatArray]:
@@ -132,14 +187,22 @@ def with_total(
                 moved[quantity].append(halves[0][quantity])
             else:
                 groups[quantity].append((sum((np.square(h[quantity]) for h in halves), np.zeros(1)), one.df))
+    scatter = {q: _scatter(found, q, budget.scatter) for q in found.quantities}
+    own = {q: np.sqrt(variance) for q, (variance, _) in scatter.items()}
+    for quantity in found.quantities:
+        for line in (one for output in found.outputs.get(quantity, ()) for one in budget.lines.get(output, ())):
+            u = np.interp(np.asarray(found.columns[quantity], np.float64), line.at, line.u)
+            groups[quantity].append((u**2, line.df))
+            own[quantity] = np.hypot(own[quantity], u)
     columns = dict(found.columns)
     for quantity in found.quantities:
-        columns |= _combined(found, quantity, moved[quantity], np.array(df), groups[quantity])
+        columns |= _combined(found, quantity, scatter[quantity], moved[quantity], np.array(df), groups[quantity])
     rows = len(next(iter(columns.values())))
     told, flagged = _flags(found, columns, moved, groups)
     columns |= told
     words = (
-        f"standard deviations and intervals are total: scatter, and the influences of the register {budget.register!r}"
+        f"standard deviations and intervals are {budget.uncertainty}: scatter, and the influences of the register "
+        f"{budget.register!r}"
     )
     meter = (
         "the meter of the run reads the sensors, too"
@@ -147,10 +210,10 @@ def with_total(
         else "errors of the meter that reads the sensors in use are not in them"
     )
     return replace(
-        saying(replace(found, columns=columns), TOTAL),
+        saying(replace(found, columns=columns), budget.uncertainty),
         flagged=flagged,
         notes=(f"{words}; {meter}", *budget.notes, *found.notes),
-        own_sd={q: np.asarray(found.columns[f"{q}_sd"], np.float64) for q in found.quantities},
+        own_sd=own,
         shifts={q: np.reshape(moves, (len(every_df), rows)) for q, moves in every.items()},
         shifts_df=every_df,
     )
@@ -235,9 +298,23 @@ def _shifted(read: Reader, error: Mapping[str, tuple[float, float]], sign: float
     return shifted
 
 
+def _scatter(found: Inference, quantity: str, kept: Mapping[str, KeptScatter]) -> tuple[FloatArray, FloatArray]:
+    """(n,) variance by the scatter, and (n,) its degrees of freedom."""
+    variance = np.asarray(found.columns[f"{quantity}_sd"], np.float64) ** 2
+    df = np.array(found.df[quantity], np.float64)
+    for one in (kept[output] for output in found.outputs.get(quantity, ()) if output in kept):
+        value = np.asarray(found.columns[quantity], np.float64)
+        # another number of readings than in the run may leave less than what the calibration has beyond the budget
+        variance = np.maximum(variance + np.interp(value, one.at, one.more), 1e-6 * variance)
+        with np.errstate(divide="ignore"):
+            df = np.where(np.isnan(df), df, 1.0 / np.interp(value, one.at, one.inverse_df))
+    return variance, df
+
+
 def _combined(
     found: Inference,
     quantity: str,
+    scatter: tuple[FloatArray, FloatArray],
     moved: Sequence[FloatArray],
     df: FloatArray,
     groups: Sequence[tuple[FloatArray, float]],
@@ -251,7 +328,7 @@ def _combined(
     for one in (*moved, *(variance for variance, _ in groups)):
         known &= np.isfinite(one)
     sensitivities = np.reshape([one[known] for one in moved], (len(moved), known.sum())).T
-    type_a = [(np.square(sd[known]), own_df[known]), *((v[known], np.full(known.sum(), d)) for v, d in groups)]
+    type_a = [(scatter[0][known], scatter[1][known]), *((v[known], np.full(known.sum(), d)) for v, d in groups)]
     total = combine(sensitivities, df, type_a)
     own = np.where(own_df[known] < 1e10, special.stdtrit(np.minimum(own_df[known], 1e10), 0.975), special.ndtri(0.975))
     with np.errstate(divide="ignore", invalid="ignore"):

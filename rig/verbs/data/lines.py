@@ -1,0 +1,130 @@
+"""Lines of a budget that are no change of coefficients, kept for the use of a calibration.
+
+They are effects that the declared model lacks, differences between rising and falling series, and differences between
+causes that the run cannot separate. Each is kept as its standard uncertainty at points along the inferred quantity. So
+is the scatter, where that of the budget is another than that of independent rows about the calibration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.budget import TypeA
+from rig.fitter.errors import FitError
+from rig.fitter.json_values import if_finite
+from rig.procedures.errors import DataError
+from rig.procedures.evaluate.budgeting import Evaluation
+from rig.verbs.budget.evaluation import OfRun
+from rig.verbs.budget.found import effects_by_sensor
+from rig.verbs.budget.undeclared import undeclared_lines
+
+WITHOUT = "total by the model, without effects beside it"
+BESIDE = (
+    "effects that the declared model lacks are in no interval here. rig budget and certificates trace the run, and "
+    "have a line for those that they find; rig fit --traced or --confirmed-by gives a calibration with them"
+)
+COUNTED = "the declared model lacks {}. The size of that is in the intervals, as in the budget of the run"
+NAMELESS = "the trace left more than error in {} and found no cause: that is in no interval"
+_SMALL = 1e-3
+"""Share of a line in the variance of a result below which it is not kept."""
+
+At = Callable[[Sequence[Mapping[str, float]]], Evaluation]
+
+
+@dataclass(frozen=True)
+class Lines:
+    """All that is kept.
+
+    Attributes:
+        lines: by output, as JSON values.
+        scatter: by output, the scatter of the budget beside that of the calibration, as JSON values.
+        notes: sentences about them.
+        whole: whether intervals in use have all that the budget has.
+    """
+
+    lines: Mapping[str, Sequence[Mapping[str, Any]]]
+    scatter: Mapping[str, Mapping[str, Any]]
+    notes: Sequence[str]
+    whole: bool
+
+
+def lines_in_use(of: OfRun, at: At, given: Mapping[str, Any], *, declared: bool) -> Lines:
+    """Lines for the use of a calibration.
+
+    Args:
+        of: the run.
+        at: its evaluation at points, by the model of the calibration.
+        given: options of its kind.
+        declared: whether the model is the declared one, without effects that a trace finds.
+    """
+    grids = at(()).grids()
+    if not grids:
+        return Lines({}, {}, [BESIDE] if declared else [], not declared)
+    notes: list[str] = []
+    by_sensor: Mapping[str, Sequence[str]] = {}
+    with_effects: Evaluation | None = None
+    whole = True
+    if declared:
+        chosen = of.kind.budget_options(**{**given, "traced": True})
+        try:
+            with_effects = of.kind.evaluation(of.table, chosen, (), of.stated.constants)
+            by_sensor = effects_by_sensor(with_effects.outcomes)
+            nameless = [one.sensor for one in with_effects.outcomes if one.unnamed]
+            notes, whole = [NAMELESS.format(", ".join(nameless))] if nameless else [], not nameless
+        except (DataError, FitError) as error:
+            notes, whole = [f"{BESIDE}: {error}"], False
+    lines: dict[str, list[dict[str, Any]]] = {}
+    scatter: dict[str, dict[str, Any]] = {}
+    for variable, points in dict(grids.values()).items():
+        here = at(points)
+        extra: list[TypeA] = []
+        if with_effects is not None and any(by_sensor.values()):
+            try:
+                extra = undeclared_lines(here, with_effects.moved_to(points), by_sensor)
+                names = "; ".join(f"{sensor}: {', '.join(one)}" for sensor, one in by_sensor.items() if one)
+                notes.append(COUNTED.format(names))
+            except (DataError, FitError) as error:
+                notes, whole = [*notes, f"{BESIDE}: {error}"], False
+        for output in (name for name, (own, _) in grids.items() if own == variable):
+            lines[output] = list(_lines(here, output, variable, extra))
+            if (changed := _scatter(here, output, variable)) is not None:
+                scatter[output] = changed
+    return Lines({output: every for output, every in lines.items() if every}, scatter, notes, whole)
+
+
+def _inferred(here: Evaluation, output: str, variable: str) -> tuple[IntArray, FloatArray]:
+    """(p,) places of the results that are inferred from an output, and the quantity there."""
+    results = here.results
+    pairs = zip(results.names, results.sensors, strict=True)
+    mine = [i for i, (name, sensor) in enumerate(pairs) if sensor == output and " inferred " in name]
+    return np.array(mine, np.int64), np.array([results.at[i][variable] for i in mine])
+
+
+def _lines(here: Evaluation, output: str, variable: str, extra: Sequence[TypeA]) -> Iterator[dict[str, Any]]:
+    """Lines of the results that are inferred from an output."""
+    mine, place = _inferred(here, output, variable)
+    own = np.diag(here.results.type_a.covariance)[mine]
+    for line in chain(here.reversibility(), here.model_errors(), extra):
+        variance = np.maximum(np.diag(line.covariance)[mine], 0.0)
+        if (variance > _SMALL * own).any():
+            df = if_finite(np.min(line.df))
+            yield {"name": line.name, "df": df, "at": place.tolist(), "u": np.sqrt(variance).tolist()}
+
+
+def _scatter(here: Evaluation, output: str, variable: str) -> dict[str, Any] | None:
+    """Variance of the budget's scatter less that of the calibration, with the former's degrees of freedom; None where
+    they are the same.
+    """
+    mine, place = _inferred(here, output, variable)
+    type_a = here.results.type_a
+    own, df = np.diag(type_a.covariance)[mine], np.broadcast_to(type_a.df, len(here.results.names))[mine]
+    more = own - here.kept_variance(output)
+    if not (np.abs(more) > _SMALL * own).any():
+        return None
+    return {"at": place.tolist(), "more": more.tolist(), "inverse_df": (1.0 / df).tolist()}
