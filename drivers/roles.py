@@ -4,6 +4,9 @@ A role is a small protocol. A driver is a synchronous class that satisfies one o
 (command, then poll). Only `identify`, `prepare`, `fetch` and `make_safe` may take time, measured by the clock passed to
 the driver. Angles are in degrees, temperatures in degrees Celsius, pressures in psi absolute, voltages in volts. A
 source and a reader of other quantities say their unit.
+
+A new role is a protocol here. `rig.instruments.opening` asks for it where the bench file names an instrument for it;
+`rig.instruments.guarded` passes its commands on.
 """
 
 from __future__ import annotations

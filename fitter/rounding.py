@@ -16,6 +16,7 @@ from decimal import ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, ROUND_UP, Contex
 from rig.fitter.errors import FitError
 
 DIGITS = 2
+"""Significant digits of an uncertainty, at most (JCGM 100, 7.2.6; EA-4/02, 6.3)."""
 MOST_LOSS = Decimal("0.05")
 _LEAST_PLACE, _LEAST_POSITION, _LARGEST_POSITION = -9, -3, 7
 _EXACT = Context(prec=700)

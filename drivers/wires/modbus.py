@@ -22,6 +22,7 @@ from rig.drivers.wires.modbus_wire import ClosedAfterAnswer, ModbusWire
 from rig.drivers.wires.serial_line import Tap
 
 _BUSY, _BUSY_WAIT_S, _BUSY_TRIES = 6, 0.2, 10
+"""Exception code; a device that is busy is asked again for two seconds, longer than a chamber stores a program."""
 _SENSIBLE, _LIKELY = (1e-20, 1e20), (1e-3, 1e5)
 """Magnitudes that a measurement in an ordinary unit may have, and those that it is likely to have."""
 _EXCEPTIONS = {

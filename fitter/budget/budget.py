@@ -12,7 +12,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.budget.coverage import EXCESS, coverage_factor, shape_factor
 from rig.fitter.budget.influence import CANCELLED, Correlation, Influence, Inputs, TypeA, checked
-from rig.fitter.budget.mass import combine
+from rig.fitter.budget.many_rows import combine
 
 DOMINATED = 1.0
 """Largest standard uncertainty of all other errors, beside that of one or two rectangular errors that dominate: these

@@ -19,7 +19,7 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.scatter import mean_ranks
+from rig.fitter.constant_scatter import mean_ranks
 from rig.fitter.trace.flexible import LEAST_DF, NOTHING_LEFT
 
 PER_COLUMN, MOST_COLUMNS, MOST_DEGREE = 4, 60, 12

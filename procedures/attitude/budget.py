@@ -28,7 +28,7 @@ from rig.procedures.attitude.results import PITCH, ROLL, Model
 from rig.procedures.attitude.temperature import Temperature
 from rig.procedures.evaluate.budgeting import SCATTER, Evaluation, Results, Shift, Shifts, no_error
 from rig.procedures.evaluate.reversibility import in_words, line_of
-from rig.procedures.evaluate.scatter import Scatter, scatter
+from rig.procedures.evaluate.scatter_for_budgets import Scatter, scatter
 from rig.procedures.tables.table import SENSOR_TEMPERATURE, Columns
 
 if TYPE_CHECKING:

@@ -172,7 +172,7 @@ class AttitudeKind(Kind):
         self, table: Table, options: BudgetOptions, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
     ) -> Evaluation:
         """Parameters, outputs and angles by the declared model."""
-        from rig.procedures.attitude.evaluation import attitude_evaluation  # noqa: PLC0415
+        from rig.procedures.attitude.for_budgets import attitude_evaluation  # noqa: PLC0415
 
         return attitude_evaluation(
             table, at, temperature=options.temperature, traced=options.traced, gravity=constants.get("gravity")

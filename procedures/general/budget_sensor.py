@@ -13,7 +13,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.errors import FitError
 from rig.fitter.strata import Strata, reversed_by, strata
 from rig.procedures.column_names import spelled, stem_of, unit_of
-from rig.procedures.evaluate.scatter import Scatter, scatter
+from rig.procedures.evaluate.scatter_for_budgets import Scatter, scatter
 from rig.procedures.general.declared import Declared, Model, model_of
 from rig.procedures.general.fit import calibration_of
 from rig.procedures.general.infer import CurveCalibration

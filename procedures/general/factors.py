@@ -1,4 +1,7 @@
-"""Factors of a procedure of kind "general": levels, order, whether hard to change, and when a setting has arrived."""
+"""Factors of a procedure of kind "general": levels, order, whether hard to change, and when a setting has arrived.
+
+A further factor is a `[factors.NAME]` table of a procedure, and no code.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +25,7 @@ HEAD_ANGLES = ("pitch_deg", "roll_deg")
 """Angles of a dividing head: these have a side of approach also if they are hard to change."""
 
 _NEAR = 0.25
+"""Default of `near`, as a fraction of `tolerance`: readings scatter inside the rest of it."""
 _BAND, _TOLERANCE = 1e-3, 0.02
 """Defaults of `band` and `tolerance`, as fractions of the range of the levels."""
 

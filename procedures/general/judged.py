@@ -11,12 +11,12 @@ from scipy import special
 
 from rig.fitter import LinearFit
 from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.constant_scatter import uneven_scatter
 from rig.fitter.errors import FitError
 from rig.fitter.formula import Formula
 from rig.fitter.json_values import if_finite
 from rig.fitter.nonlinear import Curve, Distance
 from rig.fitter.quantiles import f_tail
-from rig.fitter.scatter import uneven_scatter
 from rig.fitter.split_plot import SplitPlotFit
 from rig.fitter.strata import TOO_GOOD, chance_of_less
 from rig.fitter.sums_of_squares import FTest

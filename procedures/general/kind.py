@@ -129,7 +129,7 @@ class GeneralKind(Kind):
         self, table: Table, options: BudgetOptions, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
     ) -> Evaluation:
         """Coefficients, outputs and inferred values of the sensors of a run."""
-        from rig.procedures.general.evaluation import general_evaluation  # noqa: PLC0415
+        from rig.procedures.general.for_budgets import general_evaluation  # noqa: PLC0415
 
         return general_evaluation(table, at, traced=options.traced)
 

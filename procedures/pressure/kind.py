@@ -161,7 +161,7 @@ class PressureKind(Kind):
         self, table: Table, options: BudgetOptions, at: Sequence[Mapping[str, float]], constants: Mapping[str, float]
     ) -> Evaluation:
         """Coefficients, outputs and pressures by the declared model."""
-        from rig.procedures.pressure.evaluation import pressure_evaluation  # noqa: PLC0415
+        from rig.procedures.pressure.for_budgets import pressure_evaluation  # noqa: PLC0415
 
         return pressure_evaluation(table, options.formula, at, traced=options.traced)
 

@@ -25,6 +25,7 @@ from rig.procedures.plan.settings import Acceptance, Name, Positive, Strict, War
 PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
 
 FACTORS = (PRESSURE, SENSOR, SSE)
+"""The factors of the paper, and no others: a further one, such as humidity, is a table of the kind "general"."""
 
 FULL = "full"
 """The full second order, the default model of a procedure."""

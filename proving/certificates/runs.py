@@ -33,13 +33,13 @@ from rig.runs.plans import load_plan
 from rig.tables import run_table
 from rig.verbs.budget.evaluation import DOMINATED
 from rig.verbs.budget.result import budget
-from rig.verbs.certificate import words
-from rig.verbs.certificate.assembly import SMALL
+from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.issue import Issue, issue
-from rig.verbs.certificate.numbers import plain
+from rig.verbs.certificate.parts_in_numbers import SMALL
 from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import Made, Refused, make
+from rig.verbs.certificate.typeset import plain
 from rig.verbs.data.result import open as open_data
 
 ISSUED = datetime.date(2026, 11, 24)

@@ -11,11 +11,11 @@ from contextlib import AbstractContextManager
 from typing import Any
 from unittest.mock import patch
 
-from rig.bench.scatter import most_scatter
+from rig.bench.scatter_limits import most_scatter
 from rig.drivers.scpi import ScpiMeter
 from rig.drivers.wires import SerialLine
 from rig.engine import at_point, sequencer
-from rig.engine.by_hand.settings import SetByHand
+from rig.engine.by_hand.to_set import SetByHand
 from rig.engine.guard import Guard
 from rig.engine.holes import WatchedClock
 from rig.engine.journal import Journal

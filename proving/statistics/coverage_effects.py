@@ -32,7 +32,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.evaluate.budgeting import Evaluation
 from rig.procedures.evaluate.influences import explain, influences
 from rig.procedures.evaluate.stated import Statements
-from rig.procedures.general.evaluation import general_evaluation
+from rig.procedures.general.for_budgets import general_evaluation
 from rig.procedures.pressure.budget import PressureEvaluation
 from rig.procedures.pressure.budget_traced import TracedEvaluation
 from rig.procedures.pressure.trace import trace_whole_plots

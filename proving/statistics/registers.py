@@ -29,7 +29,7 @@ from rig.procedures.evaluate.budgeting import Evaluation
 from rig.procedures.evaluate.influences import Found, explain, influences
 from rig.procedures.evaluate.stated import Curve, PlaceConstant, Stated, Statements
 from rig.procedures.general.budget import GeneralEvaluation
-from rig.procedures.general.evaluation import general_evaluation
+from rig.procedures.general.for_budgets import general_evaluation
 from rig.procedures.pressure.budget import PressureEvaluation
 from rig.procedures.tables.table import Table
 

@@ -9,7 +9,7 @@ from itertools import combinations
 
 from rig.bench.bench_file import of_reading
 from rig.bench.config import BenchConfig
-from rig.bench.scatter import declared_scatter
+from rig.bench.scatter_limits import declared_scatter
 from rig.drivers.person import Person
 from rig.procedures.column_names import spelled
 from rig.procedures.plan.conduct import Conduct

@@ -141,7 +141,7 @@ def certificate(
     from rig.verbs.certificate.issue import Issue, all_files, check_extras, issue  # noqa: PLC0415
     from rig.verbs.certificate.request import CertificateRequest  # noqa: PLC0415
     from rig.verbs.certificate.result import make  # noqa: PLC0415
-    from rig.verbs.certificate.words import LACKS  # noqa: PLC0415
+    from rig.verbs.certificate.standing_sentences import LACKS  # noqa: PLC0415
 
     later = tuple(confirmed_by or ())
     people = (calibrated_by, approved_by)

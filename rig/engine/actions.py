@@ -24,7 +24,9 @@ from rig.procedures.plan.conduct import EnvironmentSettings
 from rig.procedures.plan.run_list import Factor, Settle
 
 _HOMING_TIMEOUT_S = 900.0
+"""A whole turn at a tenth of the usual homing speed, 4 degrees a second."""
 _INTERLOCK_S = 60.0
+"""Age at which chambers are read again for interlocks while points are measured."""
 _BEARS = 2
 """Consecutive readings that may be lost during a soak before this counts as a fault."""
 

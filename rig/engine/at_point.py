@@ -11,11 +11,11 @@ from dataclasses import replace
 from statistics import median
 from typing import Any
 
-from rig.bench.scatter import most_scatter, noisiest, without_limit
+from rig.bench.scatter_limits import most_scatter, noisiest, without_limit
 from rig.engine.actions import BenchActions
-from rig.engine.by_hand.readings import ReadByHand
-from rig.engine.by_hand.settings import SetByHand
-from rig.engine.by_hand.steps import ByHand
+from rig.engine.by_hand.asking import ByHand
+from rig.engine.by_hand.to_read import ReadByHand
+from rig.engine.by_hand.to_set import SetByHand
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.failure_counts import Policies
 from rig.engine.fault_classes import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rig.engine import holes
-from rig.engine.by_hand.steps import ByHand
+from rig.engine.by_hand.asking import ByHand
 from rig.engine.holes import HoleInTime, WatchedClock
 from rig.engine.journal import Journal
 from rig.engine.session import Signals

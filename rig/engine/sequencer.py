@@ -17,16 +17,15 @@ from rig.drivers.errors import DriverError
 from rig.engine.actions import BenchActions
 from rig.engine.at_point import AtPoint
 from rig.engine.axes_of_bench import axes_of, own_limits
-from rig.engine.by_hand.readings import ReadByHand
-from rig.engine.by_hand.settings import SetByHand
-from rig.engine.by_hand.steps import ByHand
+from rig.engine.by_hand.asking import ByHand
+from rig.engine.by_hand.to_read import ReadByHand
+from rig.engine.by_hand.to_set import SetByHand
 from rig.engine.deciding import Deciding
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.failure_counts import Policies
 from rig.engine.fault_classes import FAULTS, InterlockHold, TemperatureLeft
 from rig.engine.guard import Guard
 from rig.engine.hard_factors import held_factors
-from rig.engine.holding import CannotHold, Holding, NobodyCame
 from rig.engine.holes import HoleInTime, watched
 from rig.engine.identities import compare_identities
 from rig.engine.interruptions import HoldRequested, Interrupted, Interruptions, StopRequested
@@ -41,6 +40,7 @@ from rig.engine.soaking import Soaking
 from rig.engine.states import AT_POINT, FINAL, Moves, State
 from rig.engine.steered import Steered
 from rig.engine.steering import Steering
+from rig.engine.waiting_for_person import CannotHold, Holding, NobodyCame
 from rig.engine.wellness import Wellness
 from rig.errors import BenchFault, NotSafe, RigError, StorageError
 from rig.instruments.opening import Bench, identities

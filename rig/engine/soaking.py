@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from rig.drivers.clock import Clock
 from rig.engine.actions import BenchActions
 from rig.engine.axes import AxisReading
-from rig.engine.by_hand.settings import SetByHand
+from rig.engine.by_hand.to_set import SetByHand
 from rig.engine.fault_classes import NotSettled, TemperatureLeft, TemperaturesNotSettled
 from rig.engine.hard_factors import HardFactors
 from rig.engine.journal import Journal

@@ -5,8 +5,8 @@ interruption only if nothing indicates that its temperatures changed. Otherwise 
 a new identity; earlier readings remain data of the whole plot in which they were made.
 
 `soaking` applies these rules while readings are taken, and has one of its own, for a bench without power
-(`Soaking.lost_now`); `standing` applies them after a gap or a hold. Their settings: the procedure's `[soak]`, and
-`continue_gap_s` of `[recovery]`.
+(`Soaking.lost_now`); `prepared_environment` applies them after a gap or a hold. Their settings: the procedure's
+`[soak]`, and `continue_gap_s` of `[recovery]`.
 """
 
 from __future__ import annotations

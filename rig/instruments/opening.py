@@ -33,12 +33,14 @@ if TYPE_CHECKING:
     from rig.bench.config import BenchConfig
     from rig.drivers.clock import Clock
     from rig.drivers.wires import Wires
-    from rig.instruments.person import Person
+    from rig.instruments.person_at_bench import Person
 
 Role = TypeVar("Role")
 
 _OTHERWISE = 4
+"""Identities that are asked for until two in a row are the same: noise on a line changes one, not two."""
 _ASK_AGAIN_S = (1.0, 3.0)
+"""Pauses before an identity is asked for again: an instrument that was just switched on needs seconds."""
 
 
 @dataclass

@@ -32,7 +32,7 @@ from rig.files.disk_space import check_may_write, check_room
 from rig.files.regular import real_path
 from rig.instruments.locks import locked_addresses
 from rig.instruments.opening import Bench, identities, open_bench
-from rig.instruments.person import ServedBench
+from rig.instruments.person_at_bench import ServedBench
 from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT
 from rig.run_file.bodies import COUNT

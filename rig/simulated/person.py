@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rig.instruments.person import SIMULATED
+from rig.instruments.person_at_bench import SIMULATED
 
 if TYPE_CHECKING:
     from rig.bench.typed import TypedColumn
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class SimulatedPerson:
-    """Does steps by hand in the simulated bench; see `rig.instruments.person.Person`.
+    """Does steps by hand in the simulated bench; see `rig.instruments.person_at_bench.Person`.
 
     Args:
         sim: the bench.

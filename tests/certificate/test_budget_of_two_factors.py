@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rig.procedures.errors import DataError
-from rig.procedures.general.evaluation import general_evaluation
+from rig.procedures.general.for_budgets import general_evaluation
 from rig.procedures.general.misfit import misfit
 from rig.procedures.general.settings import GeneralProcedure
 from rig.procedures.tables.table import Table

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from rig.verbs.certificate.assembly import effects, found_in, models, notes
+from rig.verbs.certificate.parts_in_numbers import effects, found_in, models, notes
 
 NOTE = (
     "cell_V: drift:elapsed_s: it is doubtful: two causes do as well; these data cannot separate it from "

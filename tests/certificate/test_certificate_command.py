@@ -29,16 +29,16 @@ from rig.tables import run_table
 from rig.units.si import per_term
 from rig.verbs.budget.evaluation import checked_run
 from rig.verbs.budget.result import budget
-from rig.verbs.certificate.about import equipment, steps_by_hand
-from rig.verbs.certificate.assembly import conditions, decimal_text, doubtful, effects
 from rig.verbs.certificate.files import changes, write_once
 from rig.verbs.certificate.issue import Issue, issue
 from rig.verbs.certificate.layout import sections
-from rig.verbs.certificate.numbers import plain
+from rig.verbs.certificate.parts_in_numbers import conditions, decimal_text, doubtful, effects
+from rig.verbs.certificate.parts_in_words import equipment, steps_by_hand
 from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import Made, Refused, make
 from rig.verbs.certificate.runs import read_run
-from rig.verbs.certificate.words import UNTRACED
+from rig.verbs.certificate.standing_sentences import UNTRACED
+from rig.verbs.certificate.typeset import plain
 
 pytest.importorskip("typst")
 DAY = date.fromisoformat(ISSUED)

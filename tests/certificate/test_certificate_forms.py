@@ -21,9 +21,9 @@ from rig.verbs.certificate.blocks import Grid, percent
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.html import html
 from rig.verbs.certificate.layout import sections
-from rig.verbs.certificate.numbers import padding, plain, raised, typeset
 from rig.verbs.certificate.pdf import pdf
-from rig.verbs.certificate.words import CORRELATED, EFFECTS, INFERRED, UNCONFIRMED, uncertainty
+from rig.verbs.certificate.standing_sentences import CORRELATED, EFFECTS, INFERRED, UNCONFIRMED, uncertainty
+from rig.verbs.certificate.typeset import padding, plain, raised, typeset
 
 pytest.importorskip("typst")
 pypdf = pytest.importorskip("pypdf")

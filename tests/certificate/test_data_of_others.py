@@ -13,7 +13,7 @@ from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
 from rig.dcc.reader import parsed
 from rig.errors import ConfigurationError
 from rig.register import parse_register
-from rig.verbs.certificate import words
+from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.as_dcc import dcc
 from rig.verbs.certificate.blocks import Grid
 from rig.verbs.certificate.document import Document

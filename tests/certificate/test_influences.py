@@ -18,7 +18,7 @@ from rig.procedures.attitude.budget import AttitudeEvaluation
 from rig.procedures.evaluate.budgeting import Shift
 from rig.procedures.evaluate.influences import Found, corrected, influences
 from rig.procedures.evaluate.stated import PlaceConstant, Stated, Statements
-from rig.procedures.general.evaluation import general_evaluation
+from rig.procedures.general.for_budgets import general_evaluation
 from rig.procedures.pressure.budget import PressureEvaluation
 from rig.procedures.pressure.influences import line_head
 from rig.procedures.tables.table import Table

@@ -17,7 +17,7 @@ from ideal_bench import new_run, run_session
 from pydantic import ValidationError
 
 import rig
-from rig.engine.by_hand.steps import ByHand
+from rig.engine.by_hand.asking import ByHand
 from rig.engine.session import Outcome, Progress, Signals
 from rig.procedures.plan.fault_policies import ABORT
 from rig.procedures.plan.hand_steps import HandStep

@@ -23,10 +23,10 @@ from rig.verbs.budget.evaluation import checked_run
 from rig.verbs.certificate.as_dcc import dcc
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.layout import sections
-from rig.verbs.certificate.numbers import plain
 from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import Refused, make
 from rig.verbs.certificate.runs import read_run
+from rig.verbs.certificate.typeset import plain
 from rig.verbs.plan import foreseen
 from rig.verbs.plan.result import plan
 from rig.watch.feed import _temperatures

@@ -27,7 +27,7 @@ from test_by_hand import Answers
 
 from rig.bench.config import parse_bench, parse_procedure
 from rig.bench.typed import TypedColumn, typed_columns
-from rig.engine.by_hand.readings import ReadByHand
+from rig.engine.by_hand.to_read import ReadByHand
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.run_file.events.points import Observed

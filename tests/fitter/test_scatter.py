@@ -8,10 +8,10 @@ import pytest
 from proving.truth.attitude import D1, Bench, simulate
 from rig.procedures.attitude.budget import AttitudeEvaluation
 from rig.procedures.evaluate.influences import explain
-from rig.procedures.evaluate.scatter import scatter
+from rig.procedures.evaluate.scatter_for_budgets import scatter
 from rig.procedures.evaluate.stated import PlaceConstant, Stated, Statements
 from rig.procedures.general.budget import GeneralEvaluation
-from rig.procedures.general.evaluation import general_evaluation
+from rig.procedures.general.for_budgets import general_evaluation
 from rig.procedures.tables.table import Table
 
 FORCE = np.tile(np.linspace(0.0, 10.0, 9), 3)

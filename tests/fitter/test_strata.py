@@ -9,7 +9,7 @@ from scipy import stats
 from rig.fitter.strata import Strata, strata
 from rig.procedures.evaluate.influences import influences
 from rig.procedures.evaluate.stated import Statements
-from rig.procedures.general.evaluation import general_evaluation
+from rig.procedures.general.for_budgets import general_evaluation
 from rig.procedures.tables.table import Table
 
 SERIES = np.concatenate([np.arange(11.0), np.arange(9.0, -1.0, -1.0)])

@@ -9,7 +9,7 @@ import pytest
 from command import rig
 from scipy import stats
 
-from rig.fitter.scatter import rank_correlation
+from rig.fitter.constant_scatter import rank_correlation
 
 # Yates (1935), oats: yield in quarter pounds by block, variety and nitrogen; as R's nlme package has it.
 OATS = {

@@ -18,7 +18,7 @@ from few_points import Killed, kill_where, records
 from general_lab import BENCH, PROCEDURE, REFERENCE, WORLD, WORLD_WITH_STANDARD, run_dry, written
 
 from rig.bench.config import parse_bench, parse_procedure
-from rig.engine.by_hand.settings import ToSet
+from rig.engine.by_hand.to_set import ToSet
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.procedures.general.orders import sides, visits

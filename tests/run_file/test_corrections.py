@@ -23,7 +23,7 @@ from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.tables import run_table
 from rig.unattended.earlier import ended_without_a_word
-from rig.verbs.certificate.about import deviations
+from rig.verbs.certificate.parts_in_words import deviations
 
 WHY = "digits exchanged"
 

@@ -23,7 +23,7 @@ from rig.drivers.errors import Unreachable
 from rig.drivers.roles import OVERLOAD
 from rig.drivers.wires import SerialSettings, Wires
 from rig.errors import BenchFault, UsageError
-from rig.instruments.person import ServedBench
+from rig.instruments.person_at_bench import ServedBench
 from rig.run_file.read.reader import RunReader
 from rig.run_file.write.creation import Genesis, create
 from rig.runs.plans import load_plan

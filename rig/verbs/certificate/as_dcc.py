@@ -11,7 +11,7 @@ from base64 import b64encode
 from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
-from rig.verbs.certificate import words
+from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.dcc_elements import DCC, LANGUAGE, SI, add, add_contact, add_list, add_real, solid, worded
 from rig.verbs.certificate.dcc_statements import add_statements
 from rig.verbs.certificate.document import Condition, Document, Equipment, External, Item, Person, by_source

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from datetime import date
 from typing import Literal
 
-from rig.verbs.certificate.numbers import padding, raised, typeset
+from rig.verbs.certificate.typeset import padding, raised, typeset
 
 Align = Literal["left", "right", "bar"]
 

@@ -12,8 +12,8 @@ from rig.fitter.errors import FitError
 from rig.runs.plans import CONFORMITY
 from rig.units.si import per_term
 from rig.verbs.budget.evaluation import RunBudget
-from rig.verbs.certificate.assembly import label_of, sensor_of
 from rig.verbs.certificate.measured import Stage, Statement
+from rig.verbs.certificate.parts_in_numbers import label_of, sensor_of
 from rig.verbs.certificate.settings import CertificateSettings, ConformitySettings
 from rig.verbs.certificate.tolerances import EVERY, ToleranceSettings
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
 from rig.units.si import SIUnit
-from rig.verbs.certificate import words
+from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.dcc_elements import add, add_contact, known_unit, solid, worded
 from rig.verbs.certificate.document import Document, Supplied
 from rig.verbs.certificate.measured import Statement

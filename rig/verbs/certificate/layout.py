@@ -11,7 +11,7 @@ from datetime import date
 from typing import Any
 
 from rig.procedures.present.visible import visible
-from rig.verbs.certificate import words
+from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.blocks import (
     Block,
     Cell,
@@ -28,8 +28,8 @@ from rig.verbs.certificate.blocks import (
 )
 from rig.verbs.certificate.document import Document, Item, Party, by_source
 from rig.verbs.certificate.measured import Budget, ResultTable, Stage
-from rig.verbs.certificate.numbers import raised, typeset
-from rig.verbs.certificate.words import count
+from rig.verbs.certificate.standing_sentences import count
+from rig.verbs.certificate.typeset import raised, typeset
 
 
 def sections(document: Document) -> tuple[Section, ...]:

@@ -9,7 +9,7 @@ from rig.register.check import entries
 from rig.verbs.budget.evaluation import OfRun
 from rig.verbs.certificate.document import External, Item, Supplied
 from rig.verbs.certificate.settings import CertificateSettings
-from rig.verbs.certificate.words import IDENTITY
+from rig.verbs.certificate.standing_sentences import IDENTITY
 
 
 def external(items: Sequence[Item], known: Sequence[SensorItem]) -> Iterator[External]:

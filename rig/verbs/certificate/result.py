@@ -11,7 +11,9 @@ from rig.errors import UsageError
 from rig.fitter.errors import FitError
 from rig.register import DOCUMENT, absent, unrecorded
 from rig.verbs.budget.evaluation import OfRun, RunBudget
-from rig.verbs.certificate import about, assembly, conformity, of_others
+from rig.verbs.certificate import conformity, of_others
+from rig.verbs.certificate import parts_in_numbers as numbers
+from rig.verbs.certificate import parts_in_words as words
 from rig.verbs.certificate.document import Dates, Document
 from rig.verbs.certificate.measured import Stage
 from rig.verbs.certificate.request import CertificateRequest
@@ -25,7 +27,7 @@ _STAGES: Mapping[int, tuple[Stage, ...]] = {1: ("",), 2: ("as found", "as left")
 
 
 class Refused(UsageError):
-    """No certificate is made, for these reasons."""
+    """No certificate is made, for these reasons; the command ends in `ExitCode.USAGE`."""
 
     def __init__(self, runs: Sequence[Path], reasons: Sequence[str]) -> None:
         self.reasons = tuple(dict.fromkeys(reasons))
@@ -83,21 +85,21 @@ def _document(
     reasons: list[str],
 ) -> Document | None:
     """The whole document; None if a run has no budget. Missing fields become reasons."""
-    missing = about.Missing(reasons)
-    origin = about.Origin(str(asked.equipment or DOCUMENT), str(given), given.parent)
-    about.settled(settings, origin, missing, asked.approved_by)
+    missing = words.Missing(reasons)
+    origin = words.Origin(str(asked.equipment or DOCUMENT), str(given), given.parent)
+    words.settled(settings, origin, missing, asked.approved_by)
     if settings.next_due is not None and settings.next_due <= asked.issued:
         reasons.append(f"next_due = {settings.next_due} is not after the date of issue, {asked.issued}: correct it")
     pairs = [(one, one.of) for one in runs if one.of is not None]
     of = [one for _, one in pairs]
     if not of:
         return None
-    items, known = about.items(of, settings, origin, missing)
-    calibrated, approved = about.people(of[-1], settings, origin, missing, asked.calibrated_by, asked.approved_by)
-    laboratory = about.laboratory(of[-1].register, settings, origin, missing)
-    customer = about.customer(known, settings, origin, missing)
+    items, known = words.items(of, settings, origin, missing)
+    calibrated, approved = words.people(of[-1], settings, origin, missing, asked.calibrated_by, asked.approved_by)
+    laboratory = words.laboratory(of[-1].register, settings, origin, missing)
+    customer = words.customer(known, settings, origin, missing)
     place = settings.place or ", ".join(laboratory.party.address)
-    evidence = tuple(about.evidence(of_run, one.records, one.stage) for one, of_run in pairs)
+    evidence = tuple(words.evidence(of_run, one.records, one.stage) for one, of_run in pairs)
     simulated = any(one.table.simulated for one in of)
     dates = Dates(
         max((one.received for one in known if one.received is not None), default=None),
@@ -126,18 +128,18 @@ def _document(
         dates=dates,
         calibrated_by=calibrated,
         approved_by=approved,
-        method=about.method(of[-1], settings),
-        conditions=tuple(c for one, b in with_budget for c in assembly.conditions(b, one.stage)),
-        holdings=tuple(h for one, b in with_budget for h in assembly.holdings(b, one.stage)),
+        method=words.method(of[-1], settings),
+        conditions=tuple(c for one, b in with_budget for c in numbers.conditions(b, one.stage)),
+        holdings=tuple(h for one, b in with_budget for h in numbers.holdings(b, one.stage)),
         external=tuple(of_others.external(items, known)),
         supplied=tuple(of_others.supplied(items, known, of, settings)),
-        equipment=about.equipment(of),
-        tables=tuple(t for one, b in with_budget for t in assembly.tables(b, one.stage)),
-        budgets=tuple(x for one, b in with_budget for x in assembly.budgets(b, one.stage, settings.annex)),
+        equipment=words.equipment(of),
+        tables=tuple(t for one, b in with_budget for t in numbers.tables(b, one.stage)),
+        budgets=tuple(x for one, b in with_budget for x in numbers.budgets(b, one.stage, settings.annex)),
         evidence=evidence,
         statements=tuple(statements),
         effects=tuple(
-            e for one, b in with_budget for e in assembly.effects(b, one.outcomes, one.confirmed, one.stage, one.heads)
+            e for one, b in with_budget for e in numbers.effects(b, one.outcomes, one.confirmed, one.stage, one.heads)
         ),
         adjustment=asked.adjustment.strip() if len(runs) > 1 else "",
         deviations=(
@@ -147,7 +149,10 @@ def _document(
                 for d in (
                     (*lacks(b.of.table, b.of.config, origin.register), *one.said)
                     if one.state is None
-                    else (*about.deviations(b.of, one.state, one.stage, (one.register, asked.equipment)), *one.said)
+                    else (
+                        *words.deviations(b.of, one.state, one.stage, (one.register, asked.equipment)),
+                        *one.said,
+                    )
                 )
             ),
             *(
@@ -159,14 +164,14 @@ def _document(
         ),
         unstated=tuple(dict.fromkeys(d for one in of for d in absent(one.register, one.config))),
         unrecorded=tuple(dict.fromkeys(d for one in of for d in unrecorded(one.config, asked.room))),
-        notes=tuple(dict.fromkeys(n for one, b in with_budget for n in assembly.notes(b, one.confirmed))),
+        notes=tuple(dict.fromkeys(n for one, b in with_budget for n in numbers.notes(b, one.confirmed))),
         next_due=settings.next_due,
         remarks=settings.remarks,
         paper=settings.paper,
         models=tuple(
             m
             for one, b in with_budget
-            for m in assembly.models(b, one.stage, one.outcomes, one.confirmed, accepted=one.accepted)
+            for m in numbers.models(b, one.stage, one.outcomes, one.confirmed, accepted=one.accepted)
         ),
     )
 

@@ -21,7 +21,8 @@ from rig.runs.plans import CONFORMITY
 from rig.tables import is_run
 from rig.verbs.budget.evaluation import Checked, OfRun, RunBudget, budget_of, checked_run, shapes_at
 from rig.verbs.budget.undeclared import with_undeclared
-from rig.verbs.certificate import assembly, conformity
+from rig.verbs.certificate import conformity
+from rig.verbs.certificate import parts_in_numbers as assembly
 from rig.verbs.certificate.measured import Stage
 from rig.verbs.certificate.settings import CertificateSettings
 from rig.verbs.data.of_table import OfTable, Said, checked_table, gross_errors, without_size

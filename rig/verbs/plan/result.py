@@ -15,7 +15,7 @@ from rich.markup import escape
 from rig.bench.bench_file import NO_QUESTION, cannot_be_asked, playing, unasked
 from rig.bench.config import due_dates
 from rig.bench.plugins import driver_class
-from rig.bench.scatter import without_limit
+from rig.bench.scatter_limits import without_limit
 from rig.bench.typed import typed_columns
 from rig.drivers.clock import RealClock, ScaledClock
 from rig.drivers.roles import ByHand, Chamber

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from rig.run_file.state.state import RunState
 
 _FAULTS_TOLD, _QUIET_S = 5, 60.0
+"""Latest faults that are listed; silence of a controller that is worth a word (it signs every few seconds)."""
 VERIFIED = 100_000
 """Maximum number of records of a run that is verified for its status: about two seconds."""
 

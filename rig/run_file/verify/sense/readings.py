@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from rig.bench.scatter import MostScatter, most_scatter, noisiest, without_limit
+from rig.bench.scatter_limits import MostScatter, most_scatter, noisiest, without_limit
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import CONTRADICTORY, Observed, readings_of

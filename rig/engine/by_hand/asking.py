@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from rig.drivers.clock import Clock
-from rig.engine.by_hand.readings import ReadByHand as Readings
-from rig.engine.by_hand.readings import ToRead
-from rig.engine.by_hand.settings import SetByHand as Settings
-from rig.engine.by_hand.settings import ToSet
+from rig.engine.by_hand.to_read import ReadByHand as Readings
+from rig.engine.by_hand.to_read import ToRead
+from rig.engine.by_hand.to_set import SetByHand as Settings
+from rig.engine.by_hand.to_set import ToSet
 from rig.engine.journal import Journal
-from rig.instruments.person import Person
+from rig.instruments.person_at_bench import Person
 from rig.procedures.plan.hand_steps import HandStep, next_step
 from rig.procedures.plan.run_list import Point, RunList
 from rig.procedures.present.shell import shell_word
@@ -24,6 +24,7 @@ from rig.run_file.events.by_hand import AskedByHand, AskedToRead, AskedToSet, Do
 from rig.run_file.live import Request, done_command
 
 _LOOK_S = 5.0
+"""Seconds between looks whether a person has answered."""
 
 
 class ByHand:

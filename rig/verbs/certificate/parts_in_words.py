@@ -23,7 +23,7 @@ from rig.verbs.certificate.document import Equipment, Evidence, Item, Laboratory
 from rig.verbs.certificate.files import changes
 from rig.verbs.certificate.measured import Stage
 from rig.verbs.certificate.settings import CertificateSettings
-from rig.verbs.certificate.words import count
+from rig.verbs.certificate.standing_sentences import count
 from rig.version import VERSION
 
 _LARGEST_LOGO, _MOST_OF_REGISTER, _MOST_OF_STEPS = 2 << 20, 5, 12

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from rig.drivers.clock import Clock
 from rig.drivers.errors import DriverError
 from rig.engine.actions import BenchActions
-from rig.engine.by_hand.steps import ByHand
+from rig.engine.by_hand.asking import ByHand
 from rig.engine.deciding import Deciding
 from rig.engine.fault_classes import InterlockHold
 from rig.engine.interruptions import Interruptions

@@ -22,7 +22,7 @@ _REAL_S = 5.0
 
 
 class Person(Protocol):
-    """A simulated person."""
+    """Who does steps, settings and readings by hand in a simulated bench."""
 
     def asked(self, step: HandStep) -> bool:
         """The person reads what to do. Returns whether somebody is there to do it."""

@@ -19,10 +19,10 @@ from rig.register import holds_of
 from rig.register.surroundings import shown_unit
 from rig.units.si import per_term
 from rig.verbs.budget.evaluation import RunBudget
-from rig.verbs.certificate import words
+from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.document import Condition, Holding
 from rig.verbs.certificate.measured import Budget, Contribution, Effect, Result, ResultTable, Stage
-from rig.verbs.certificate.numbers import raised
+from rig.verbs.certificate.typeset import raised
 from rig.verbs.confirm import Confirmed
 
 SMALL = 1e-3
