@@ -68,7 +68,8 @@ def project_out(columns: FloatArray, basis: FloatArray, *, overwrite: bool = Fal
     """
     if columns.ndim == 1:
         return np.asarray(columns - basis @ (basis.T @ columns))
-    out = columns if overwrite else np.empty(columns.shape, order="F")
+    basis = basis.astype(columns.dtype, copy=False)
+    out = columns if overwrite else np.empty(columns.shape, columns.dtype, order="F")
     for first in range(0, columns.shape[1], AT_ONCE):
         some = columns.T[first : first + AT_ONCE]
         np.subtract(some, (some @ basis) @ basis.T, out=out.T[first : first + AT_ONCE])

@@ -51,6 +51,8 @@ CERTAIN = 40.0
 """Score that no draw comes near: its p is the least that a simulation can tell. (A normal one has p = 4e-18, of
 thousands of candidates; the tails simulated for sixty tables ended at 27.)
 """
+HELD = 2
+"""Sets of draws that are held at once: an effect is judged against noise of short memory and against slow walks."""
 ALL_BUT = 0.9
 """Share of candidates' columns that count under every covariance."""
 _TINY = np.finfo(np.float32).tiny
@@ -208,7 +210,7 @@ class Draws:
         near: (G0,), (G1,) covariances that are fitted without a candidate, and beside one.
         count: number m of draws.
         scatter: as in `family_of`.
-        held: the draws that were asked for last: with many rows they take much memory.
+        held: the `HELD` draws that were asked for last: with many rows they take much memory.
     """
 
     problem: Problem
@@ -229,7 +231,8 @@ class Draws:
         if not np.any(judged):
             return out
         if self not in self.held:
-            self.held.clear()
+            if len(self.held) == HELD:
+                del self.held[next(iter(self.held))]
             self.held[self] = self._drawn()
         drawn = self.held[self]
         ratio = _ratios(drawn, part.simulated, found.rank, df)
@@ -248,23 +251,23 @@ class Draws:
     def _drawn(self) -> Drawn:
         problem, (without, beside) = self.problem, self.near
         n, log_det, declared = problem.n, problem.noise.log_det, problem.declared / problem.sd[:, None]
-        errors = deepcopy(self.rng).standard_normal((n, self.count))
+        errors = deepcopy(self.rng).standard_normal((n, self.count)).astype(np.float32)
         coloured = problem.noise.colour(self.at, errors)
         alone, usual = np.full(self.count, np.inf), np.full(self.count, np.nan)
         fitted = []
         for g in np.union1d(without, beside).tolist():
             basis = orthonormal(problem.noise.whiten(np.array([g]), declared)[0])
             left = project_out(problem.noise.whiten(np.array([g]), coloured)[0], basis)
-            total = np.sum(left**2, axis=0)
+            total = np.sum(left**2, axis=0, dtype=np.float64)
             deviance = n * np.log(total) + log_det[g]
             usual = np.where(np.isnan(usual), deviance, usual)
             size = np.exp(np.clip((deviance - usual) / n, -_MOST, _MOST))  # as a sum of squares; no logarithm of each
             if g in without:
                 alone = np.minimum(alone, size)
             if g in beside:
-                left /= np.sqrt(total)
-                back = problem.noise.back(g, left).astype(np.float32)
-                fitted.append((g, size.astype(np.float32), back, left.astype(np.float32)))
+                left /= np.sqrt(total).astype(left.dtype)
+                back = problem.noise.back(g, left)
+                fitted.append((g, size.astype(np.float32), back.astype(np.float32), left.astype(np.float32)))
         white = orthonormal(problem.noise.whiten(np.array([self.at]), declared)[0])
         return Drawn(alone.astype(np.float32), fitted, project_out(errors, white).astype(np.float32))
 

@@ -260,7 +260,7 @@ class Wandering:
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
-        out = np.empty((len(which), *columns.shape))
+        out = np.empty((len(which), *columns.shape), columns.dtype if columns.shape[1] >= WIDE else np.float64)
         several = columns.shape[1] < WIDE and bool(np.all(np.diff(which) == 1))
         at_once = max(FEW // max(columns.size, 1), 1) if several else 1
         for i in range(0, len(which), at_once):
@@ -313,10 +313,10 @@ class Wandering:
 
     def colour(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`."""
-        decay, gain, sd = (part[:, at, None] for part in self._filter)
+        decay, gain, sd = (part[:, at, None].astype(white.dtype) for part in self._filter)
         innovation = sd * white
         state = _recursion(decay[:, 0], gain * innovation)
-        own = decay * self._share[:, None]
+        own = decay * self._share[:, None].astype(white.dtype)
         return np.asarray(innovation + own * np.concatenate([np.zeros_like(state[:1]), state[:-1]]))
 
     def root(self, at: int, columns: FloatArray) -> FloatArray:
@@ -355,7 +355,8 @@ def _filtered(stretches: FloatArray, given: FloatArray, out: FloatArray, *, last
         out: takes the result.
         last_first: whether the last stretch is the first one.
     """
-    state, r = np.zeros(given.shape[1]), stretches.shape[1] - 1
+    stretches, r = stretches.astype(given.dtype), stretches.shape[1] - 1
+    state = np.zeros(given.shape[1], given.dtype)
     starts = range(0, len(given), r)
     for one, first in zip(stretches, reversed(starts) if last_first else starts, strict=True):
         some, white = given[first : first + r], out[first : first + r]
