@@ -48,7 +48,7 @@ class InstrumentConfig(BaseModel):
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
-    driver: str
+    driver: str = Field(description="its driver: `rig explain instruments` lists them, with their options")
     address: str = Field("", description=ADDRESSES)
     asset: str = Field("", description="your asset number, for instruments that do not report their serial number")
     due: date | None = Field(None, description="due date of its own calibration")
@@ -84,7 +84,7 @@ class SensorConfig(_Strict):
     )
     reader: str = Field(description="instrument that reads it")
     channel: str = Field("input", description="channel of the reader")
-    asset: str = ""
+    asset: str = Field("", description="your asset number of it, by which the register has it")
 
 
 ROOM = "lab"
@@ -101,8 +101,8 @@ class TemperatureConfig(_Strict):
     A hygrometer or barometer of the room is one, too, with `place = "lab"`: `[temperatures.humidity_pct]`.
     """
 
-    reader: str
-    channel: str
+    reader: str = Field(description="instrument that reads it")
+    channel: str = Field(description="channel of the reader")
     place: str = Field(
         "package",
         description="place of the thermometer, used by the simulation: package, enclosure, sensors, sse, lab (the "
@@ -140,16 +140,16 @@ class ReferenceConfig(_Strict):
         description="with `of`: pairs of its setting and what the standard reads there, so that a procedure may have "
         "levels of this quantity: `[[1, 0.49], [5.5, 2.39], [10, 3.8]]`",
     )
-    asset: str = ""
+    asset: str = Field("", description="your asset number of it, by which the register has it")
     due: date | None = Field(None, description="due date of its own calibration")
 
 
 class LiveConfig(_Strict):
     """Written by `rig sim`: relation of bench time to real time."""
 
-    speed: float = Field(gt=0)
-    epoch_utc: float
-    started_utc: float
+    speed: float = Field(gt=0, description="bench seconds in a real second")
+    epoch_utc: float = Field(description="UTC of the bench at its start, seconds since 1970")
+    started_utc: float = Field(description="real UTC at its start, seconds since 1970")
     world: str | None = Field(None, description="text of its world file; empty for the default world")
     by_hand: str = Field("", description="where it is told what a person has done")
 
@@ -157,8 +157,8 @@ class LiveConfig(_Strict):
 class BenchConfig(_Strict):
     """A whole `bench.toml`."""
 
-    name: Name
-    simulated: bool = False
+    name: Name = Field(description="name of the bench, for people")
+    simulated: bool = Field(False, description="whether its instruments are simulated, also without --dry")
     equipment: str = Field(
         "",
         description="[register of equipment](../how_to/register.md), a file beside this one; "
@@ -174,7 +174,11 @@ class BenchConfig(_Strict):
     references: dict[str, ReferenceConfig] = Field(
         default_factory=dict, description="reference standards, by the factor that they read"
     )
-    limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
+    limits: dict[str, tuple[float, float]] = Field(
+        default_factory=dict,
+        description="lowest and highest value of commands and readbacks, by factor: `force_kN = [0, 10]`; of their "
+        "rates of change, too: `pressure_psi_per_s = [-0.3, 0.3]`",
+    )
     interlocks: dict[str, InterlockConfig] = Field(default_factory=dict)
     safety: SafetyConfig = SafetyConfig()
     live: LiveConfig | None = None

@@ -14,6 +14,14 @@ from rig.errors import ExitCode
 from rig.explain import TOPICS, explained
 from rig.procedures.present.shell import shell_word
 
+_LINK = re.compile(r"\[([^]]+)\]\((\.\./)?([\w/]+\.md)[^)]*\)")
+"""A link between pages, as a page of docs/reference has it."""
+
+
+def _named(link: re.Match[str]) -> str:
+    """A link as words, with the page that it leads to."""
+    return f"{link[1]} (`docs/{'' if link[2] else 'reference/'}{link[3]}`)"
+
 
 @app.command()
 def explain(
@@ -27,7 +35,7 @@ def explain(
     Examples: `rig explain bench interlocks`, `rig explain instruments scpi-meter`, `rig explain effects creep`
     """
     if topic:
-        text = re.sub(r"(?<!!)\[([^]]+)\]\([./]*([\w/]+\.md)[^)]*\)", r"\1 (`docs/\2`)", explained(topic, name))
+        text = _LINK.sub(_named, explained(topic, name))
     else:
         text = "".join(f"- `rig explain {shell_word(name)}`: {topic.does}\n" for name, topic in TOPICS.items())
     if out.is_terminal:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import types
 import typing
 from collections.abc import Iterator, Set
@@ -168,4 +169,4 @@ def _default(name: str, field: FieldInfo, given: object) -> str:
         value = value.value
     if isinstance(value, dict):
         return ", ".join(f"`{k}`: `{v}`" for k, v in value.items())
-    return f"`{value}`"
+    return f"`{json.dumps(value) if isinstance(value, str | bool) else value}`"

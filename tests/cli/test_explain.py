@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import fields, is_dataclass
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -53,6 +54,7 @@ def options(command: str) -> list[str]:
     return [text for one in shown if one.name != "help" for text in one.opts]
 
 
+ROOT = Path(__file__).parents[2]
 SETTINGS = [kind.settings for kind in kinds().values() if kind.settings is not None]
 WANTED = {
     "commands": {f"`rig {name}" for name in COMMANDS} | {option for name in COMMANDS for option in options(name)},
@@ -103,4 +105,9 @@ def test_it_is_printed_as_markdown_that_names_pages():
     assert done.returncode == 0, done.stderr
     assert "register of equipment (`docs/how_to/register.md`)" in done.stdout
     assert "](" not in done.stdout
+    assert {page for page in re.findall(r"docs/[\w/]+\.md", done.stdout) if not (ROOT / page).is_file()} == set()
     assert rig("explain", "nothing").returncode == ExitCode.USAGE
+
+
+def test_every_key_of_a_bench_has_a_meaning():
+    assert [line for line in explained("bench").splitlines() if line.endswith("|  |")] == []
