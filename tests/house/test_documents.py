@@ -6,6 +6,7 @@ import re
 from importlib.metadata import entry_points
 from pathlib import Path
 
+from rig.cli.commands import loaded
 from rig.engine import states
 from rig.engine.at_point import AtPoint
 from rig.engine.sequencer import Sequencer
@@ -42,6 +43,22 @@ def test_every_state_can_be_reached_and_left():
 def test_every_state_that_can_be_left_has_a_handler():
     names = {state.value for state in states.State} - {state.value for state in states.FINAL} - {"ready"}
     assert all(hasattr(Sequencer, f"_{name}") or hasattr(AtPoint, name) for name in names)
+
+
+def test_commands_on_pages_exist_with_their_options():
+    wrong = []
+    for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        shown = re.findall(r"`(rig [a-z][^`]*)`", text) + re.findall(r"(?m)^(rig [a-z][^#\n]*)", text)
+        for line in (part.strip() for whole in shown for part in re.split(r"&&|>>|[|>]", whole)):
+            program, name, *words = [*line.split(), "", ""]
+            if program != "rig" or name == "study":  # a group of commands
+                continue
+            known = {"--help"}
+            known |= {o for one in loaded(name).params for o in (*one.opts, *one.secondary_opts)}
+            given = {word.split("=")[0].rstrip(".,;:)") for word in words if re.match(r"--[a-z]", word)}
+            wrong += [(page.name, line, option) for option in given - known]
+    assert wrong == [("kinds.md", "rig fit level.csv --tilt", "--tilt")]  # of the kind that the page adds
 
 
 def documents():
