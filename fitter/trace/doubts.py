@@ -14,8 +14,6 @@ PERIODS = 2.0
 """Number of periods in the data, below which an oscillation in time is doubtful: it has not come back yet."""
 MANY = 4
 """Number of causes of other families or variables that the data cannot tell from a name, from which it is doubtful."""
-EARNED = 3.0
-"""Minimum lead in nats of a name over the most probable shape without a name: odds of 20 to 1."""
 
 CHANCE = 5e-3
 """Probability of a finding by chance, over all candidates, above which its name is doubtful. Beside effects between

@@ -10,6 +10,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.doubts import DOUBT
 from rig.fitter.trace.flexible import Block, turns, waves
+from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import Line, folded
 from rig.fitter.trace.outcome import Instead
 from rig.fitter.trace.shape import Axis, Name, ResidualAndWaves, Shape, shape_of, standing_for
@@ -31,13 +32,13 @@ from rig.procedures.attitude.trace.unmodelled import ResidualShape, UnmodelledSm
 
 STRATA: dict[Level, str] = {"declared": "replication", "replications": "between-point", "points": "within-point"}
 UNIT, PER_DEG = "mdeg", 1e3
-HARMONICS = 3
+HARMONICS = int(limit("harmonics", "pitch-roll"))
 """Harmonics of a period that its shape may have."""
-PLACES = 3
+PLACES = int(limit("places", "pitch-roll"))
 """Clearest places at which a shape in place of doubtful names is looked for."""
 WAVES = 4
 """A turn of pitch and of roll, of a lack of fit that no place shows clearly."""
-FINE = 24
+FINE = int(limit("waves of a curve", "pitch-roll"))
 """Waves of a curve that is drawn over one variable: more than are tested, and as smooth as is likeliest."""
 
 

@@ -13,6 +13,7 @@ from rig.fitter.replication import Replication
 from rig.fitter.trace.aliases import Rival, separation
 from rig.fitter.trace.doubts import beside_a_wander, by_chance, error_rises
 from rig.fitter.trace.found import Found, Unnamed, verdict
+from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import CLEAR
 from rig.fitter.trace.not_kept import NotKept, for_others
 from rig.fitter.trace.shares import of_rest, shares, unnamed_part
@@ -35,7 +36,7 @@ from rig.procedures.attitude.trace.result import FoundEffect, SensorTrace
 from rig.procedures.attitude.trace.score import RESOLVED
 from rig.procedures.attitude.trace.unmodelled import UnmodelledSmooth
 
-UNEXPLAINED = 1e-3
+UNEXPLAINED = limit("unexplained", "pitch-roll")
 """Probability of lack of fit or drift below which a remainder is reported."""
 SHOWS = 3.0
 """Minimum size of an effect on the package, in standard errors, for a report in a sensor; it is always reported in the

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.aliases import NOTHING_LEFT
+from rig.fitter.trace.limits import limit
 from rig.fitter.trace.not_kept import LARGEST, NotKept
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects import Effect
@@ -21,7 +22,7 @@ KEPT = 0.05
 In other orders of running, time and direction are functions of the point, and it is judged between points: with a
 smaller share an effect would be found only if it is so large that it got other names between points before.
 """
-IS_THE_MODEL = 1e-4
+IS_THE_MODEL = limit("declared", "pitch-roll")
 """Minimum remaining share of a column beside the declared model."""
 REACHES = 0.05
 """Minimum influence of a term on the sensors, relative to the strongest term of its effect. Other terms reach them only

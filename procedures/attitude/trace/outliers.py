@@ -11,15 +11,16 @@ from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.resolution import resolution, robust_sd
+from rig.fitter.trace.limits import limit
 from rig.procedures.attitude.data import AttitudeData
 
-BY_CHANCE = 0.001
+BY_CHANCE = limit("outlier", "pitch-roll")
 """Probability that a reading of a clean run is named, for normal deviations; from a median of six they are a little
 larger, and one run of a hundred has one.
 """
-FEW = 0.005
+FEW = limit("most outliers", "pitch-roll")
 """Maximum share of outliers; more mean noise with long tails, or an effect."""
-INSIDE = 0.95
+INSIDE = limit("inner residuals", "pitch-roll")
 """Share of deviations for the scale. The middle ones have little information: with few readings at a point the median
 is one of them.
 """

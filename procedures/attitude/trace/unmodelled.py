@@ -11,8 +11,9 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.doubts import BUNDLE, DOUBT, EARNED, bundle, in_several, no_better, several_values, something_left
+from rig.fitter.trace.doubts import BUNDLE, DOUBT, bundle, in_several, no_better, several_values, something_left
 from rig.fitter.trace.flexible import Remainder, evidence, evidence_of, remainders
+from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import CLEAR, Line, lines
 from rig.fitter.trace.search import names_of
 from rig.procedures.attitude.trace.estimate import concerns
@@ -24,6 +25,7 @@ from rig.procedures.attitude.trace.score import errors, rounding
 from rig.procedures.attitude.trace.view import View
 from rig.procedures.attitude.trace.walks import SPREAD, likelihood_ratio
 
+EARNED = limit("lead of a name", "pitch-roll")
 SEEN = 6.0
 """Nats of evidence within replications, below which the evidence for an effect is mainly between them."""
 DRAWS, SEED = 24, 1

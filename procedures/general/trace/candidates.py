@@ -7,6 +7,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.engine.problem import SPARED, Candidate
 from rig.fitter.trace.engine.term import TableTerm
+from rig.fitter.trace.limits import limit
 from rig.fitter.trace.not_kept import NotKept, overflows
 from rig.procedures.general.effects import TableEffect, effects_of
 from rig.procedures.general.effects.of_settings import FIRST_ORDER
@@ -17,7 +18,7 @@ REPEATED = 2
 """Readings of a setting, at least, on average, by which settings are levels."""
 SCATTER = 0.05
 """Share of a term's variation within settings from which it is one of their scatter."""
-NOTHING_LEFT = 1e-3
+NOTHING_LEFT = limit("declared", "general")
 """Share of a column beside the declared model, below which it is declared."""
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.doubts import DOUBT
 from rig.fitter.trace.flexible import Block, turns, waves
+from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import Line, folded
 from rig.fitter.trace.outcome import Instead
 from rig.fitter.trace.shape import Axis, Name, ResidualAndWaves, Shape, shape_of, standing_for
@@ -17,9 +18,9 @@ from rig.procedures.general.effects.scene import TableScene, is_angle
 from rig.procedures.general.trace.places import PER_COLUMN, Place
 from rig.procedures.general.trace.unmodelled import ResidualShape, UnmodelledSmooth
 
-HARMONICS, FINE = 3, 24
+HARMONICS, FINE = int(limit("harmonics", "general")), int(limit("waves of a curve", "general"))
 """Harmonics of a period that its shape may have; waves of a curve that is drawn over one variable."""
-PLACES = 3
+PLACES = int(limit("places", "general"))
 """Clearest places at which a shape in place of doubtful names is looked for."""
 STEP, SINCE = "over the step of ", " since each group's first row"
 """Beginning and end of the words for two places."""

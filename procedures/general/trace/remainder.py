@@ -15,6 +15,7 @@ from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.noise import Wandering
 from rig.fitter.trace.engine.score import NOTHING_LEFT
 from rig.fitter.trace.found import Unnamed
+from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import CLEAR, Line
 from rig.fitter.trace.shape import Shape
 from rig.procedures.general.trace.drawn import drawn, drawn_period
@@ -22,7 +23,7 @@ from rig.procedures.general.trace.parts import in_parts
 from rig.procedures.general.trace.smooth import Smooth, curve, offered
 from rig.procedures.general.trace.unmodelled import ResidualShape, UnmodelledSmooth
 
-UNEXPLAINED = 1e-3
+UNEXPLAINED = limit("unexplained", "general")
 """Probability below which there is a remainder, over all tested places."""
 SUSPECTS = 2
 BINS, FEWEST_IN_BIN = 8, 4

@@ -13,10 +13,11 @@ from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.noise import Noise
 from rig.fitter.trace.flexible import Block, orders_of, waves
 from rig.fitter.trace.jointly import PER_COLUMN, Jointly, Metric, jointly, polynomials, spread_evenly
+from rig.fitter.trace.limits import limit
 from rig.procedures.general.trace.places import Place
 from rig.procedures.general.trace.run import TableData
 
-UNEXPLAINED = 1e-3
+UNEXPLAINED = limit("unexplained", "general")
 """Probability below which there is a shape."""
 WAVES = 12
 """Waves of a curve over one quantity."""

@@ -16,7 +16,6 @@ from rig.fitter.trace.doubts import (
     BUNDLE,
     CHANGES,
     DOUBT,
-    EARNED,
     PERIODS,
     bundle,
     few_periods,
@@ -30,6 +29,7 @@ from rig.fitter.trace.engine.likelihood import Grid
 from rig.fitter.trace.engine.noise import Noise, Wandering
 from rig.fitter.trace.fine_periods import fine_period
 from rig.fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, tried, turns
+from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import Line, folded, line
 from rig.fitter.trace.repeats import HARMONICS, ORDERS, repeats
 from rig.fitter.trace.search import names_of
@@ -39,11 +39,12 @@ from rig.procedures.general.trace.places import Place, places_of
 from rig.procedures.general.trace.run import TableData, times_of
 from rig.procedures.general.trace.together import together
 
-ASKED_AGAIN = 0.05
+ASKED_AGAIN = limit("asked again", "general")
 """Probability above which a shape is not tested against slower noise too."""
 ALIKE = 2.0
 """Correlation of neighbours in standard errors, from which on two levels are searched."""
-PLAIN = 0.0
+EARNED = limit("lead of a name", "general")
+PLAIN = limit("lead of a plain name", "general")
 """Minimum lead in nats of a name without a searched constant: a smooth curve begins with a line or a square."""
 RARE = ("fourth-order", "fifth-order", "logarithm", "reciprocal", "square-root", "ageing", "drift-second-order")
 """Kinds that need the same lead as kinds with a searched constant, because many functions are similar to them."""

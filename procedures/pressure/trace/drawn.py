@@ -10,6 +10,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.doubts import DOUBT
 from rig.fitter.trace.flexible import Block, turns, waves
+from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import Line, folded
 from rig.fitter.trace.outcome import Instead
 from rig.fitter.trace.shape import Axis, Name, ResidualAndWaves, Shape, shape_of, standing_for
@@ -19,9 +20,9 @@ from rig.procedures.pressure.trace.strata import Level
 from rig.procedures.pressure.trace.unmodelled import ResidualShape, UnmodelledSmooth
 
 UNIT = "mV"
-PLACES = 3
+PLACES = int(limit("places", "whole-plot"))
 """Clearest places at which a shape in place of doubtful names is looked for."""
-HARMONICS, FINE = 3, 24
+HARMONICS, FINE = int(limit("harmonics", "whole-plot")), int(limit("waves of a curve", "whole-plot"))
 """Harmonics of a period that its shape may have; waves of a curve that is drawn over the pressure."""
 
 

@@ -13,14 +13,15 @@ from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.resolution import resolution, robust_sd
+from rig.fitter.trace.limits import limit
 from rig.procedures.pressure.trace.problem import Problem
 from rig.procedures.pressure.trace.score import beside
 
-BY_CHANCE = 1e-3
+BY_CHANCE = limit("outlier", "whole-plot")
 """Probability that a reading of a clean run is named, for normal errors."""
-FEW = 0.03
+FEW = limit("most outliers", "whole-plot")
 """Maximum share of outliers; more mean noise with long tails, or an effect."""
-INSIDE = 0.95
+INSIDE = limit("inner residuals", "whole-plot")
 """Share of residuals for the scale."""
 LONE = 0.05
 """A reading with no larger share in its residual has hardly another for comparison."""

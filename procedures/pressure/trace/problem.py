@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.split_plot import SplitPlotDesign
+from rig.fitter.trace.limits import limit
 from rig.fitter.trace.not_kept import NotKept, overflows
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
 from rig.procedures.pressure.trace.strata import LEVELS, Level, Strata
 
-IS_THE_MODEL = 1e-3
+IS_THE_MODEL = limit("declared", "whole-plot")
 """Minimum remaining share of a column beside the declared model."""
 
 RESOLVED = 1e-12

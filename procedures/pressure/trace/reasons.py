@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from rig.fitter.trace.doubts import shown_by_another, under_another_name
+from rig.fitter.trace.limits import limit
 from rig.procedures.pressure.trace.strata import LEVELS
 from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 
-UNEXPLAINED = 1e-3
+UNEXPLAINED = limit("unexplained", "whole-plot")
 """Probability of a remainder, over all that is tried, below which it is said."""
 
 

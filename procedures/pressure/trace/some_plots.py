@@ -16,12 +16,13 @@ from scipy import special
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.found import Unnamed
+from rig.fitter.trace.limits import limit
 from rig.procedures.pressure.effects.scene import PressureScene
 from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 
 LEAST_DF = 3
 """Degrees of freedom beside the shape in a whole plot that is asked, at least."""
-UNEXPLAINED = 1e-3
+UNEXPLAINED = limit("unexplained", "whole-plot")
 """Probability below which there is a shape, over all shapes and transducers."""
 ALIKE = 0.05
 """Remaining share of a combination of whole plots' amounts, over the largest, below which it is the model's."""

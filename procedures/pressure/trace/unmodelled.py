@@ -16,6 +16,7 @@ from rig.fitter.trace.doubts import BUNDLE, DOUBT, bundle, in_several, no_better
 from rig.fitter.trace.doubts import beside as small_beside
 from rig.fitter.trace.flexible import Remainder, evidence, remainders, tried
 from rig.fitter.trace.found import Unnamed
+from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import Line, line
 from rig.fitter.trace.search import names_of
 from rig.procedures.pressure.effects.scene import TIMES_WARM, PressureScene
@@ -25,17 +26,12 @@ from rig.procedures.pressure.trace.problem import Problem
 from rig.procedures.pressure.trace.score import CHANCE, SLOPES, TINY, beside
 from rig.procedures.pressure.trace.strata import LEVELS, Level
 
-EARNED = -1.0
-"""Minimum lead in nats of names over the most probable shape without a name; negative if they may be behind.
-
-Most causes here are one column that is also the slowest wave of its place (a drift, a square of a temperature). For any
-data, the lead of such a name is hardly more than the difference between its price and the price of a shape.
-"""
+EARNED = limit("lead of a name", "whole-plot")
 SMALL, ALIKE = 0.05, 0.3
 """Ratio of the evidence of an effect to the evidence of a stronger one, below which it may be an error in the law of
 the stronger one: a fifth of its size; and the minimum part of its length along the stronger one."""
 ONLY_WARM = "only its change with the temperature was found, and nothing of it that every temperature has"
-LOOKED_AT = 0.05
+LOOKED_AT = limit("asked again", "whole-plot")
 """Probability above which a shape is not tested against noise that is correlated between neighbouring whole plots."""
 _SEEN: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "between whole plots"}
 
