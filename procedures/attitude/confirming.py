@@ -17,8 +17,8 @@ from rig.procedures.attitude.budget import AttitudeEvaluation
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects import CATALOGUE, Effect, separate
 from rig.procedures.attitude.evaluate import AttitudeTraced
-from rig.procedures.attitude.evaluation import attitude_evaluation
 from rig.procedures.attitude.fitted import AttitudeFitted, effects_of, fit_attitude_table
+from rig.procedures.attitude.for_budgets import attitude_evaluation
 from rig.procedures.attitude.model import mounting_matrix
 from rig.procedures.attitude.options import FitOptions
 from rig.procedures.attitude.parameters import SCALE, UNIT

@@ -18,8 +18,8 @@ from rig.procedures.column_names import moves_of, read_at, spelled, unit_of, wit
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit, Confirming, in_words
 from rig.procedures.general.effects.of_others import HYSTERESIS
-from rig.procedures.general.evaluation import general_evaluation
 from rig.procedures.general.factors import RANDOM
+from rig.procedures.general.for_budgets import general_evaluation
 from rig.procedures.general.found_in_run import FoundInRun
 from rig.procedures.general.further_runs import values_of, with_routine
 from rig.procedures.general.of_runs import RunModels, RunTraced, fit_run, noted_of, recorded

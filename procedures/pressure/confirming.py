@@ -20,8 +20,8 @@ from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.effects.scene import PressureEffect
 from rig.procedures.pressure.effects.separation import separate_pressure
 from rig.procedures.pressure.evaluate import WholePlotTraced
-from rig.procedures.pressure.evaluation import pressure_evaluation
 from rig.procedures.pressure.fitted import fit_whole_plots
+from rig.procedures.pressure.for_budgets import pressure_evaluation
 from rig.procedures.pressure.options import FitOptions
 from rig.procedures.pressure.settings import WholePlotProcedure
 from rig.procedures.pressure.table import whole_plot_data
