@@ -204,7 +204,7 @@ class AttitudeKind(Kind):
 
     def precision(self, procedure: PitchRollProcedure, run_list: RunList) -> Precision:
         """Precision of a sensor's calibrated output at a few pitch angles."""
-        from rig.procedures.attitude.precision import precision  # noqa: PLC0415
+        from rig.procedures.attitude.planned import precision  # noqa: PLC0415
 
         return precision(procedure, run_list)
 
@@ -230,7 +230,7 @@ class AttitudeKind(Kind):
 
     def judge(self, procedure: PitchRollProcedure, table: Table) -> Sequence[Verdict]:
         """See `Kind`."""
-        from rig.procedures.attitude.acceptance import judge  # noqa: PLC0415
+        from rig.procedures.attitude.fitted import judge  # noqa: PLC0415
 
         return judge(procedure, table)
 

@@ -197,7 +197,7 @@ class PressureKind(Kind):
 
     def precision(self, procedure: WholePlotProcedure, run_list: RunList) -> Precision:
         """Precision of each term of the declared model."""
-        from rig.procedures.pressure.precision import precision  # noqa: PLC0415
+        from rig.procedures.pressure.planned import precision  # noqa: PLC0415
 
         try:
             return precision(procedure, run_list)

@@ -22,8 +22,8 @@ from rig.examples import example
 from rig.fitter.split_plot import fit_split_plot
 from rig.procedures.general.of_runs import RunModels, fit_run
 from rig.procedures.general.planned import expected_run
+from rig.procedures.pressure.planned import coded_columns
 from rig.procedures.pressure.planned import expected_run as expected_pressures
-from rig.procedures.pressure.precision import coded_columns
 from rig.register import DOCUMENT
 from rig.runs.controller import start_run
 from rig.runs.plans import Plan, load_plan

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from rig.procedures.pressure.precision import precision
+from rig.procedures.pressure.planned import precision
 from rig.procedures.pressure.settings import WholePlotDesign, WholePlotProcedure
 
 
