@@ -16,7 +16,7 @@ import math
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from scipy import special
@@ -251,7 +251,7 @@ class Draws:
     def _drawn(self) -> Drawn:
         problem, (without, beside) = self.problem, self.near
         n, log_det, declared = problem.n, problem.noise.log_det, problem.declared / problem.sd[:, None]
-        errors = deepcopy(self.rng).standard_normal((n, self.count)).astype(np.float32)
+        errors = cast(FloatArray, deepcopy(self.rng).standard_normal((n, self.count)).astype(np.float32))  # kept so
         coloured = problem.noise.colour(self.at, errors)
         alone, usual = np.full(self.count, np.inf), np.full(self.count, np.nan)
         fitted = []
