@@ -27,6 +27,7 @@ _PRESSURE_READBACK_PSI = 2e-5
 _SATURATED_PCT = 95.0
 _AT_AMBIENT_PSI = 0.3  # here the valve to the atmosphere may open without a shock
 _VENTED_PSI = 0.5  # a larger difference from the atmosphere after a vent is trapped pressure
+_ACTIVE = ("ACT", "ACTIVE")  # controls to the setpoint; in its other modes it may only measure
 _VENT_S = 60.0  # for the vent itself, in addition to the slew
 _POLL_S = 1.0
 
@@ -68,7 +69,7 @@ class DruckPACE:
         self._pace = PaceScpi(self._line)
         self._measures = Measures(self._pace, self._line.where, options)
         self._source, self._sense = self._measures.source, self._measures.sense
-        self._output = ":OUTP:STAT" if options.module == 1 else ":OUTP2:STAT"
+        self._output, self._mode = (f":OUTP{'' if options.module == 1 else 2}:{what}" for what in ("STAT", "MODE"))
         self._vent = f"{self._source}:LEV:IMM:AMPL:VENT"
         self._in_limits_from = -math.inf  # no setpoint can be reached before this time
         self._vent_by: float | None = None  # on the way to the atmosphere; the latest time at which the valve opens
@@ -113,6 +114,10 @@ class DruckPACE:
             "INL:TIME": options.in_limits_s,
         }
         self._set(settings)
+        self._pace.send(f"{self._mode} ACT")
+        if (answer := self._pace.ask(f"{self._mode}?")).upper() not in _ACTIVE:
+            raise BadReply(f"{self._line.where}: {self._mode}? should answer ACT and answers {answer!r}")
+        self._kept[f"{self._mode}?"] = answer
         self._kept[f"{source}:RANG?"] = self._measures.accept_range()
         self._pace.send(f"*ESE {PREPARED}")
         self._pace.check("*ESE?", PREPARED, 0.0)
@@ -126,7 +131,9 @@ class DruckPACE:
         return self._pace.number("*ESE?") != PREPARED
 
     def wrong(self) -> Sequence[str]:
-        """See `SelfChecking.wrong`: unit, control range, slew, in-limits band and setpoint, as this driver set them."""
+        """See `SelfChecking.wrong`: unit, control range, slew, in-limits band, setpoint, mode of control and whether it
+        is on, as this driver set them.
+        """
         found = []
         for question, wanted, answer in not_kept(self._kept, self._pace.ask, _as_set):
             found.append(f"{question} answers {answer}, not {wanted if isinstance(wanted, str) else f'{wanted:.7g}'}")
@@ -231,7 +238,7 @@ class DruckPACE:
         while state.venting and self._clock.now() < end:
             self._clock.sleep(_POLL_S)
             state = self._state(self._measures.scale())
-        self._pace.send(f"{self._output} 0")
+        self._control_off()
         for words in self._trapped(state.pressure_psia):
             raise NotReady(f"{self._line.where}: {words}")
 
@@ -279,13 +286,19 @@ class DruckPACE:
                     f"{self._line.where}: the control range was {scale.range!r} and is {name!r} after the setpoint"
                 )
         except BadReply:  # a controlled pressure is already on its way
-            self._pace.send(f"{self._output} 0")
+            self._control_off()
             raise
         self._kept[f"{self._source}?"] = setpoint
         self._in_limits_from = self._clock.now() + self._options.in_limits_s
         self._pace.send(f"{self._output} 1")
+        self._kept[f"{self._output}?"] = 1.0
+
+    def _control_off(self) -> None:
+        self._kept.pop(f"{self._output}?", None)
+        self._pace.send(f"{self._output} 0")
 
     def _start_vent(self) -> None:
+        self._kept.pop(f"{self._output}?", None)
         self._pace.send(f"{self._vent} 1")
         self._vent_by = None
         self._vent_started = True

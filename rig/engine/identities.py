@@ -19,6 +19,8 @@ def compare_identities(
 ) -> None:
     """Record the identities of the instruments, and refuse an exchanged instrument.
 
+    Of a simulated run nothing is confirmed: simulators answer with the identities that they are given.
+
     Args:
         journal: where new identities are recorded.
         found: present identities, by name.
@@ -29,7 +31,9 @@ def compare_identities(
         BenchFault: names the instrument and says how to go on.
 
     """
-    for name, now in found.items():
+    simulated = journal.fold.simulated
+    for name, told in found.items():
+        now = {**told, "confirmed": told["confirmed"] and not simulated, "simulated": simulated}
         before = journal.fold.identities.get(name)
         if before is not None and all(before[key] == now[key] for key in _WHO):
             continue
@@ -43,6 +47,7 @@ def compare_identities(
 
 
 def _who(identity: Mapping[str, Any]) -> str:
-    serial = identity["serial"] if identity["confirmed"] else "no serial number"
+    known = identity["confirmed"] or identity.get("simulated")
+    serial = identity["serial"] if known else "no serial number"
     asset = f", asset {identity['asset']}" if identity["asset"] else ""
     return f"{identity['maker']} {identity['model']}, {serial}{asset}"

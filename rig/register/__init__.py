@@ -4,6 +4,7 @@
 """
 
 from rig.register.check import absent, check_register, check_validity, entries, unrecorded
+from rig.register.needed import item_of, needed, stopping
 from rig.register.read import DOCUMENT, parse_register, read_register, register_beside, register_of
 from rig.register.schema import Certificate, Equipment, Item, Laboratory, Register, SensorItem, Statement
 from rig.register.stated import check_covered, stated_of
@@ -26,10 +27,13 @@ __all__ = [
     "check_validity",
     "entries",
     "holds_of",
+    "item_of",
+    "needed",
     "parse_register",
     "read_register",
     "register_beside",
     "register_of",
     "stated_of",
+    "stopping",
     "unrecorded",
 ]

@@ -100,7 +100,7 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
     if plan.dry:
         from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
 
-        dry = DryBench(plan.bench, _world(plan), start=start)
+        dry = DryBench(plan.bench, _world(plan), start=start, where=plan.world)
         bench = open_bench(dry.config, check_options(dry.config, "bench"), dry.clock, dry.wires)
         bench.person = dry.person
         try:

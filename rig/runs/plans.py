@@ -46,6 +46,7 @@ class Plan:
         run_list: every point.
         dry: whether twins replace the instruments.
         truth: the world file's values; passed only to twins.
+        world: name of the world file, for messages.
     """
 
     documents: Mapping[str, str]
@@ -54,6 +55,7 @@ class Plan:
     run_list: RunList
     dry: bool
     truth: Mapping[str, Any]
+    world: str = "world.toml"
 
 
 def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | None = None) -> Plan:
@@ -76,7 +78,8 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
             what = f"{procedure}: warnings.against = {against!r}: {error}"
             raise ConfigurationError(f"{what}; name the last calibration, or remove the line") from error
     documents["procedure.toml"] = _with_files(documents["procedure.toml"], procedure)
-    plan = _plan(documents, dry, {"bench.toml": str(bench), "procedure.toml": str(procedure), "world.toml": str(world)})
+    where = {"bench.toml": str(bench), "procedure.toml": str(procedure)}
+    plan = _plan(documents, dry, where if world is None else {**where, "world.toml": str(world)})
     if world is not None:
         _check_person(plan, world)
     try:
@@ -171,7 +174,7 @@ def _plan(documents: Mapping[str, str], dry: bool, where: Mapping[str, str], *, 
     if strict:
         check_names(config, procedure.conduct, where["procedure.toml"])
     truth = parse_toml(documents["world.toml"], where["world.toml"]) if "world.toml" in documents else {}
-    return Plan(documents, config, procedure, run_list, dry, truth)
+    return Plan(documents, config, procedure, run_list, dry, truth, where.get("world.toml", "world.toml"))
 
 
 def _as_checked(config: BenchConfig, checked: Mapping[str, BaseModel]) -> BenchConfig:
@@ -289,4 +292,4 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
             f"{bench}: only addresses may differ from the bench the run began on, and settings of lines "
             f"({', '.join(sorted(_OF_THE_LINE))}): {'; '.join(other_settings)}. Restore them, or begin a new run"
         )
-    return Plan(plan.documents, other, plan.procedure, plan.run_list, plan.dry, plan.truth)
+    return replace(plan, bench=other)

@@ -234,6 +234,7 @@ class DruckPACETwin(PaceStatus):
         """:OUTP:MODE: active, passive or gauge; only active is simulated."""
         if mode.upper() not in ("ACT", "ACTIVE"):
             raise ScpiError(-224)
+        self._mode = "ACT"
 
     def ask_mode(self) -> str:
         """:OUTP:MODE?."""

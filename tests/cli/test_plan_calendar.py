@@ -6,14 +6,15 @@ from datetime import UTC, date, datetime
 
 import pytest
 from certificate_lab import ISSUED, REGISTER, settled, stand
-from general_lab import BENCH, PROCEDURE, WORLD
+from command import rig
+from general_lab import BENCH, PROCEDURE, WORLD, written
 
 from rig.bench.config import parse_bench
 from rig.register import absent, parse_register, unrecorded
 from rig.simulated.calendar import dated
 from rig.verbs.budget.evaluation import checked_run
 from rig.verbs.certificate.request import CertificateRequest
-from rig.verbs.certificate.result import make
+from rig.verbs.certificate.result import Refused, make
 from rig.verbs.plan.result import plan
 
 WITH_ASSETS = BENCH.replace('driver = "person"', 'driver = "person"\nasset = "W-1"').replace(
@@ -113,3 +114,39 @@ def test_nothing_is_said_where_the_register_states_all_of_it():
     assert list(unrecorded(config, {"room_degC": (20.0, 21.0)})) == [
         "No temperature of the room is recorded with the observations: the laboratory states that of the room."
     ]
+
+
+def test_plan_says_everything_in_the_register_that_stops_a_certificate(tmp_path):
+    """A chamber without an error was not said by plan, and the certificate was refused after the night."""
+    without = REGISTER.replace('quantity = "force_kN"', 'quantity = "air_degC"')
+    without = without.replace('serial = "77"', "").replace('customer = "Bridge builders"', "")
+    path = stand(tmp_path, register=without)
+    (tmp_path / "bench.toml").write_text(WITH_ASSETS)
+    (tmp_path / "procedure.toml").write_text(PROCEDURE)
+    found = plan(tmp_path / "procedure.toml", tmp_path / "bench.toml")
+    told = found.to_json()["stops_certificate"]
+    assert told == [
+        "the serial number of cell is missing: add sensors.cell.serial in equipment.toml",
+        "the customer is missing: add sensors.*.customer in equipment.toml",
+        "force_kN: the register states no error of what reads or sets it; add what its certificate says, if a result "
+        "depends on it",
+    ]
+    assert all(
+        f"a certificate would be refused:[/] {one.partition('[')[0]}" in str(list(found.blocks())) for one in told
+    )
+    with pytest.raises(Refused) as refused:
+        make(CertificateRequest((path,), date.fromisoformat(ISSUED), settings=settled(tmp_path)))
+    assert {one.removesuffix(", if a result depends on it") for one in told} <= set(refused.value.reasons)
+
+
+def test_errors_of_a_world_file_have_its_name_and_the_variables_there_are(tmp_path):
+    """`rig run` and `rig doctor` said "world:" for whatever file was given."""
+    files = written(tmp_path, world=WORLD.replace("noise", 'hidden = "0.1*valve_side"\nnoise'))
+    files[2].rename(tmp_path / "night.toml")
+    planned, world = ("procedure.toml", "--bench", "bench.toml"), ("--world", "night.toml")
+    lines = ("run", *planned, "--dry"), ("plan", *planned), ("doctor", "--bench", "bench.toml", "--dry")
+    for line in lines:
+        done = rig(*line, *world, cwd=tmp_path)
+        told = " ".join((done.stdout + done.stderr).split())
+        assert "night.toml: sensors.cell.hidden: valve_side is not known here" in told, told
+        assert "force_side" in told

@@ -207,6 +207,8 @@ def test_prepare_sets_unit_and_slew_command_by_command_and_reads_them_back():
         ":SOUR:PRES:SLEW:OVER?",
         ":SOUR:PRES:INL?",
         ":SOUR:PRES:INL:TIME?",
+        ":OUTP:MODE ACT",
+        ":OUTP:MODE?",
         ":SOUR:PRES:RANG?",
         ":SENS:PRES:BAR?",
         ":SENS:PRES?",
@@ -913,6 +915,8 @@ def test_whatever_arrives_it_goes_on(words):
         (lambda twin: twin.set_overshoot("1"), ":SOUR:PRES:SLEW:OVER? answers 1, not 0"),
         (lambda twin: twin.set_band("1"), ":SOUR:PRES:INL? answers 1.0000000, not 0.01"),
         (lambda twin: twin.set_band_time("9"), ":SOUR:PRES:INL:TIME? answers 9, not 2"),
+        (lambda twin: twin.set_output("0"), ":OUTP:STAT? answers 0, not 1"),
+        (lambda twin: setattr(twin, "_mode", "GAUG"), ":OUTP:MODE? answers GAUG, not ACT"),
     ],
 )
 def test_it_says_what_was_changed_at_its_panel_and_is_right_again_when_it_is_set_again(change, said):

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import pytest
+from general_lab import run_dry
 from test_register import BENCH, GOOD
 
 from rig.bench.config import parse_bench
 from rig.register import parse_register
 from rig.run_file.events.sessions import Identified
+from rig.run_file.read.reader import RunReader
+from rig.tables import run_table
 from rig.verbs.budget.identities import contradicted, not_told
 
 CONFIG = parse_bench(BENCH, "bench.toml")
@@ -58,3 +61,13 @@ def test_a_serial_number_that_was_not_told_is_said_and_is_no_contradiction():
         f"{NAME} told its model ({KNOWN.model}), and no serial number: that it is DVM-0102, serial number "
         f"{KNOWN.serial}, is by the register alone."
     ]
+
+
+def test_of_a_simulated_run_no_serial_number_is_confirmed(tmp_path):
+    path, _ = run_dry(tmp_path)
+    with RunReader.open(path) as reader:
+        (said,) = (r.event for r in reader.records("identity") if r.event.instrument == "dvm")
+    assert said.serial
+    assert not said.confirmed
+    assert "a simulator that answers in its place: nothing is confirmed" in said.words
+    assert said.words in run_table(path).provenance["instruments"]["dvm"]

@@ -150,6 +150,7 @@ class Identified(Event, kind="identity"):
         maker: by the instrument, like `model`, `serial` and `firmware`.
         asset: by the bench file, like `due`, the date of its next calibration.
         confirmed: whether the reply alone distinguishes it from another one of its model.
+        simulated: whether a simulator answered in its place, so that nothing is confirmed.
         replaces: body of its predecessor.
 
     """
@@ -162,6 +163,7 @@ class Identified(Event, kind="identity"):
     asset: MaybeText = None
     due: MaybeText = None
     confirmed: Truth = False
+    simulated: Truth = False
     replaces: Mapping[str, Any] | None = None
 
     def body(self) -> dict[str, Any]:
@@ -172,6 +174,8 @@ class Identified(Event, kind="identity"):
     def words(self) -> str:
         """Who it is."""
         serial = self.serial if self.confirmed else "serial number not told"
+        if self.simulated:
+            serial = "a simulator that answers in its place: nothing is confirmed"
         return f"{self.maker} {self.model}, {serial}, asset {self.asset or 'not declared'}"
 
     def sentence(self, record: Columns) -> str:

@@ -169,7 +169,8 @@ def _instruments(visit: Visit, patient: _Patient) -> Iterator[Finding]:
     assert patient.config is not None
     known = {} if patient.state is None else patient.state.identities
     if patient.dry:
-        yield from check_twins(patient.config, patient.truth, known)
+        world = visit.world if patient.plan is None else patient.plan.world
+        yield from check_twins(patient.config, patient.truth, str(world), known)
     else:
         yield from check_instruments(patient.config, known, visit.run)
 

@@ -50,11 +50,11 @@ def check_instruments(config: BenchConfig, known: Known, run_file: Path | None) 
         yield problem("locks", str(error), "stop that controller, or wait for it; nothing was sent to any instrument")
 
 
-def check_twins(config: BenchConfig, truth: Mapping[str, Any], known: Known) -> Iterator[Finding]:
+def check_twins(config: BenchConfig, truth: Mapping[str, Any], world: str, known: Known) -> Iterator[Finding]:
     """The same for the simulated bench of a dry run, which has neither addresses nor locks."""
     from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
 
-    dry = DryBench(config, truth)
+    dry = DryBench(config, truth, where=world)
     try:
         yield from ask(dry.config, dry.world, dry.wires, known, None, twins=True)
     finally:
@@ -98,7 +98,8 @@ def ask(
                 yield problem(name, str(error), "switch it on, check cable and address; then ask again")
             else:
                 found = _identity(name, declared, identity, known.get(name), run_file)
-                yield replace(found, found=f"{found.found}; simulated") if twins else found
+                simulated = twins or config.simulated
+                yield replace(found, found=f"{found.found}; simulated") if simulated else found
                 for said in instrument.remarks() if isinstance(instrument, Remarking) else ():
                     yield warning(name, said, "check whether this is enough (docs/reference/instruments.md)")
     finally:

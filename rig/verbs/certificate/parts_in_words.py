@@ -9,12 +9,12 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from rig.bench.config import InstrumentConfig, SensorConfig, parse_toml, read_text
+from rig.bench.config import InstrumentConfig, parse_toml, read_text
 from rig.procedures.column_names import spelled, stem_of, unit_of
 from rig.procedures.plan.hand_steps import Made
 from rig.procedures.present.durations import duration
 from rig.procedures.tables.table import CORRECTED
-from rig.register import DOCUMENT, Register, SensorItem
+from rig.register import DOCUMENT, Register, SensorItem, item_of
 from rig.register.check import Entry, entries
 from rig.run_file.state.state import RunState
 from rig.units.of_instruments import TEMPERATURE_UNIT
@@ -70,8 +70,8 @@ def laboratory(register: Register, settings: CertificateSettings, origin: Origin
     """Who issues the certificate."""
     own = register.laboratory
     party = Party(
-        missing.given(own.name, "the name of the laboratory", f"laboratory.name in {origin.register}"),
-        _lines(missing.given(own.address, "its address", f"laboratory.address in {origin.register}")),
+        own.name.strip(),
+        _lines(own.address),
         settings.country.strip(),
         settings.email,
         settings.phone,
@@ -106,45 +106,18 @@ def _logo(settings: CertificateSettings, origin: Origin, missing: Missing) -> Lo
     return Logo(data, kind)
 
 
-def _item_of(register: Register, name: str, sensor: SensorConfig | None) -> tuple[str, SensorItem | None]:
-    """Key in the register, and what it knows of a sensor: by its name on the bench, or by its asset number."""
-    for key in (name, sensor.asset if sensor else ""):
-        if key and key in register.sensors:
-            return key, register.sensors[key]
-    return name, None
-
-
-def items(
-    runs: Sequence[OfRun], settings: CertificateSettings, origin: Origin, missing: Missing
-) -> tuple[tuple[Item, ...], tuple[SensorItem, ...]]:
+def items(runs: Sequence[OfRun], settings: CertificateSettings) -> tuple[tuple[Item, ...], tuple[SensorItem, ...]]:
     """The calibrated sensors, and what the register says of each."""
     of, found, known = runs[-1], [], []
-    bearers: dict[tuple[str, str, str], str] = {}
     described = settings.item.strip()
     for name in of.table.outputs.values():
         sensor = of.config.sensors.get(name)
-        key, one = _item_of(of.register, name, sensor)
+        _, one = item_of(of.register, name, sensor)
         if one is None:
-            missing.reasons.append(f"sensor {name} is missing: add [sensors.{name}] in {origin.register}")
             continue
-        where = f"sensors.{key}.{{}} in {origin.register}"
-        same = bearers.setdefault((one.maker, one.model, one.serial), name) if one.serial else name
-        if same != name:
-            missing.reasons.append(
-                f"{same} and {name} have one serial number, {one.serial}: correct {where.format('serial')}"
-            )
-        found.append(
-            Item(
-                name,
-                described,
-                missing.given(one.maker, f"the maker of {name}", where.format("maker")),
-                missing.given(one.model, f"the model of {name}", where.format("model")),
-                missing.given(one.serial, f"the serial number of {name}", where.format("serial")),
-                missing.given(one.condition, f"the condition of {name} as received", where.format("condition")),
-                sensor.asset if sensor else "",
-                from_customer=one.from_customer,
-            )
-        )
+        words = (one.maker.strip(), one.model.strip(), one.serial.strip(), one.condition.strip())
+        asset = sensor.asset if sensor else ""
+        found.append(Item(name, described, *words, asset, from_customer=one.from_customer))
         known.append(one)
     return tuple(found), tuple(known)
 
@@ -158,10 +131,8 @@ def customer(known: Sequence[SensorItem], settings: CertificateSettings, origin:
             f"the items belong to several customers ({'; '.join(names)}): a certificate is for one; correct "
             f"sensors.*.customer and customer_address in {origin.register}"
         )
-    name = missing.given(names[0] if names else "", "the customer", f"sensors.*.customer in {origin.register}")
-    where = f"sensors.*.customer_address in {origin.register}"
-    address = missing.given(addresses[0] if addresses else "", "the customer's address", where)
-    return Party(name, _lines(address), settings.customer_country)
+    address = addresses[0] if addresses else ""
+    return Party(names[0] if names else "", _lines(address), settings.customer_country)
 
 
 def people(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rig.errors import UsageError
 from rig.fitter.errors import FitError
-from rig.register import DOCUMENT, absent, unrecorded
+from rig.register import DOCUMENT, absent, needed, unrecorded
 from rig.verbs.budget.evaluation import OfRun, RunBudget
 from rig.verbs.certificate import conformity, of_others
 from rig.verbs.certificate import parts_in_numbers as numbers
@@ -94,7 +94,9 @@ def _document(
     of = [one for _, one in pairs]
     if not of:
         return None
-    items, known = words.items(of, settings, origin, missing)
+    sensors = {name: of[-1].config.sensors.get(name) for name in of[-1].table.outputs.values()}
+    reasons.extend(needed(of[-1].register, sensors, origin.register))
+    items, known = words.items(of, settings)
     calibrated, approved = words.people(of[-1], settings, origin, missing, asked.calibrated_by, asked.approved_by)
     laboratory = words.laboratory(of[-1].register, settings, origin, missing)
     customer = words.customer(known, settings, origin, missing)

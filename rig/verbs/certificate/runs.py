@@ -13,7 +13,7 @@ from rig.errors import RigError
 from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.present.shell import shell_word
-from rig.register import DOCUMENT, KnownConditions, check_surroundings
+from rig.register import DOCUMENT, KnownConditions, check_surroundings, stopping
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.state import RunState, read_state
 from rig.run_file.verify.verification import verify_file
@@ -180,10 +180,7 @@ def _of_budget(budget: RunBudget, settings: CertificateSettings, where: str, *, 
         return
     for name in assembly.repeatability_only(budget):
         yield f"{name}: its uncertainty is repeatability only; state the errors of its instruments in the register"
-    table = budget.of.table
-    for column in budget.unstated:
-        if column in table.outputs or column in table.factors:
-            yield f"{column}: the register states no error of what reads or sets it; add what its certificate says"
+    yield from stopping(budget.unstated, budget.of.table.outputs, budget.of.table.factors)
 
 
 def _traced(path: Path, later: Sequence[Path], *, quick: bool) -> tuple[Sequence[Outcome], Confirmed | None]:

@@ -12,6 +12,7 @@ from rig.fitter.arrays import FloatArray
 from rig.procedures.evaluate.budgeting import NOT_COVERED, Evaluation
 from rig.procedures.evaluate.influences import StoredInfluence, explain, kept
 from rig.verbs.budget.evaluation import OfRun
+from rig.verbs.budget.held import held
 from rig.verbs.data.lines import WITHOUT, lines_in_use
 from rig.verbs.infer.total import TOTAL
 
@@ -47,6 +48,8 @@ def budget_section(
     in_lines = {line["name"] for every in more.lines.values() for line in every}
     told = {f"{name}{NOT_COVERED}": f"{name}: it is in the intervals, as in the budget of the run" for name in in_lines}
     notes = [*more.notes, *(told.get(note, note) for note in notes)]
+    notes[:0] = [*of.stated.what_is_lacking(of.stated.unstated(evaluation.columns)), *of.stated.unused]
+    notes += held(of.table, of.config.temperatures, evaluation.columns, ())
     if without:
         notes.insert(0, f"{', '.join(without)}: not in the model of the calibration, and in no interval")
     if of.corrected:

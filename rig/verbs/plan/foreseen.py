@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rig.errors import ConfigurationError
-from rig.register import DOCUMENT, absent, check_validity, entries, holds_of, parse_register, unrecorded
+from rig.register import (
+    DOCUMENT,
+    absent,
+    check_validity,
+    entries,
+    holds_of,
+    needed,
+    parse_register,
+    stated_of,
+    stopping,
+    unrecorded,
+)
 
 if TYPE_CHECKING:
     from rig.fitter.arrays import FloatArray
@@ -31,6 +42,25 @@ def not_stated(plan: Plan) -> list[str]:
     register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
     told = [*absent(register, plan.bench), *unrecorded(plan.bench)]
     return [*told, *(one.not_recorded() for one, by in _surroundings(plan) if not by)]
+
+
+def stops(plan: Plan, on: date) -> list[str]:
+    """Facts of the register for which `rig certificate` would refuse a certificate of the run, one sentence each.
+
+    Raises:
+        ConfigurationError: the register cannot be used for the bench.
+    """
+    if DOCUMENT not in plan.documents:
+        return ["the bench has no register of equipment (docs/how_to/register.md)"]
+    register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
+    read = {one.of: name for name, one in plan.bench.references.items() if one.of}
+    factors = [read.get(factor.name, factor.name) for factor in plan.run_list.factors]
+    outputs = [f"{name}_{sensor.unit}" for name, sensor in plan.bench.sensors.items()]
+    unstated = stated_of(register, plan.bench, on).unstated([*outputs, *factors])
+    found = ["the register has example values"] if register.example and not plan.dry else []
+    found += needed(register, plan.bench.sensors, DOCUMENT)
+    found += stopping(unstated, outputs, ())
+    return [*found, *(f"{one}, if a result depends on it" for one in stopping(unstated, (), factors))]
 
 
 def surroundings(plan: Plan) -> list[str]:

@@ -36,7 +36,7 @@ from rig.runs.plans import load_plan
 from rig.verbs.frames import Frame, of_rows
 from rig.verbs.plan.dwells import short_dwells
 from rig.verbs.plan.first_settings import first_settings
-from rig.verbs.plan.foreseen import beside, expired, not_stated, registered, surroundings
+from rig.verbs.plan.foreseen import beside, expired, not_stated, registered, stops, surroundings
 from rig.verbs.plan.promised import Promised, promised
 from rig.verbs.plan.unit_doubts import unit_doubts
 from rig.verbs.result import Plots, Result
@@ -121,6 +121,7 @@ class Plan(Result):
             "overdue": self.overdue,
             "not_on_bench": beside(self.checked),
             "not_stated": not_stated(self.checked),
+            "stops_certificate": self._stops,
             "surroundings": surroundings(self.checked),
             "disk_free_bytes": self.disk[0],
             "disk_needed_bytes": self.disk[1],
@@ -130,6 +131,10 @@ class Plan(Result):
                 for a in self.advice
             ],
         }
+
+    @property
+    def _stops(self) -> Sequence[str]:
+        return stops(self.checked, self.finish_latest.date())
 
     @property
     def _dry_day(self) -> date | None:
@@ -266,6 +271,7 @@ class Plan(Result):
         if not self.overdue:
             yield Line("  every calibration whose date is stated is valid until then")
         yield from (Line(f"  {escape(one)}") for one in surroundings(checked))
+        yield from (Line(f"  [yellow]a certificate would be refused:[/] {escape(one)}") for one in self._stops)
         yield from (Line(f"  a certificate would say: {escape(one)}") for one in not_stated(checked))
         if names := beside(checked):
             yield Line(f"  in the register and not on the bench: {escape(', '.join(names))}")
