@@ -93,7 +93,7 @@ class Pace:
         self._travel = _travel_s(run_list, bench)
         followers = _followers(run_list, bench)
         self._soaks, self._soak_free = _soaks_s(run_list, self._soak, followers), not followers
-        self._point_s = 2.0 * conduct.settle.dwell_s + SWEEP_S * conduct.readings
+        self._point_s = _point_s(run_list, conduct, bench)
         self._points: deque[float] = deque(maxlen=KEPT)
         self._ratios: deque[float] = deque(maxlen=KEPT)
         self._settings: deque[float] = deque(maxlen=KEPT)
@@ -200,6 +200,20 @@ def _travel_s(run_list: RunList, bench: BenchConfig) -> np.ndarray[tuple[int], n
             values = np.array([p.setpoints[at] for p in run_list.points])
             slowest = np.maximum(slowest, np.abs(np.diff(values, prepend=values[:1])) / rate)
     return slowest
+
+
+def _point_s(run_list: RunList, conduct: Conduct, bench: BenchConfig) -> float:
+    """Predicted seconds of a point without its changes: the wait, that of the slowest setter, and the readings.
+
+    Durations are those of the bench file; one that it does not say is assumed.
+    """
+    own = [_rate(bench, factor.name, "dwell_s") for factor in run_list.easy]
+    every = [*bench.sensors.values(), *bench.references.values()]
+    reading = [bench.instruments[name].options.get("reading_s") for name in dict.fromkeys(one.reader for one in every)]
+    known = [float(one) for one in reading if isinstance(one, int | float)]
+    sweep_s = max(known) if known and len(known) == len(reading) else SWEEP_S
+    wait_s = conduct.settle.dwell_s
+    return wait_s + max((one for one in own if one is not None), default=wait_s) + sweep_s * conduct.readings
 
 
 def _rate(bench: BenchConfig, factor: str, option: str) -> float | None:
