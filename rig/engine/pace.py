@@ -208,8 +208,8 @@ def _point_s(run_list: RunList, conduct: Conduct, bench: BenchConfig) -> float:
     Durations are those of the bench file; one that it does not say is assumed.
     """
     own = [_rate(bench, factor.name, "dwell_s") for factor in run_list.easy]
-    every = [*bench.sensors.values(), *bench.references.values()]
-    reading = [bench.instruments[name].options.get("reading_s") for name in dict.fromkeys(one.reader for one in every)]
+    readers = {one.reader for one in bench.sensors.values()} | {one.reader for one in bench.references.values()}
+    reading = [bench.instruments[name].options.get("reading_s") for name in readers]
     known = [float(one) for one in reading if isinstance(one, int | float)]
     sweep_s = max(known) if known and len(known) == len(reading) else SWEEP_S
     wait_s = conduct.settle.dwell_s

@@ -1,4 +1,4 @@
-"""The time that a run says is left at its begin agrees with its plan: the first one was later than the plan's latest."""
+"""The time that a run says is left at its begin agrees with its plan: it was later than the latest of the plan."""
 
 from __future__ import annotations
 
