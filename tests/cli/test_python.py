@@ -363,8 +363,8 @@ PUBLIC = {
     "'ControlChart'",
     "infer": "(calibration: 'str | Path', readings: 'Readings', *, out: 'str | Path | None' = None, "
     "separator: 'str | None' = None, decimal: 'str | None' = None, encoding: 'str | None' = None, "
-    "header: 'int | None' = None, same_meter: 'bool' = False, **options: 'Any') "
-    "-> 'Inferred'",
+    "header: 'int | None' = None, same_meter: 'bool' = False, mean_of: 'int | None' = None, "
+    "**options: 'Any') -> 'Inferred'",
     "open": "(path: 'str | Path', *, separator: 'str | None' = None, decimal: 'str | None' = None, "
     "encoding: 'str | None' = None, header: 'int | None' = None) -> 'Data'",
     "plan": "(procedure: 'str | Path', bench: 'str | Path', *, out: 'str | Path' = 'runs', usage: 'float | None' = "
