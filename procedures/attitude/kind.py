@@ -68,7 +68,7 @@ class AttitudeKind(Kind):
 
     def explained(self, topic: str) -> str:
         """See `Kind`."""
-        from rig.procedures.attitude.catalogue_shown import catalogue  # noqa: PLC0415
+        from rig.procedures.attitude.effects.catalogue import catalogue  # noqa: PLC0415
 
         return catalogue() if topic == "effects" else ""
 

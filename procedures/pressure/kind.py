@@ -77,7 +77,7 @@ class PressureKind(Kind):
 
     def explained(self, topic: str) -> str:
         """See `Kind`."""
-        from rig.procedures.pressure.catalogue_shown import catalogue  # noqa: PLC0415
+        from rig.procedures.pressure.effects.catalogue import catalogue  # noqa: PLC0415
 
         return catalogue() if topic == "effects" else ""
 

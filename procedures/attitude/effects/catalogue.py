@@ -9,6 +9,11 @@ A laboratory adds an effect of its own without code here: `RIG_EFFECTS`, CONTRIB
 The order is the order of preference among equally good explanations: simplest and most usual cause first.
 """
 
+from __future__ import annotations
+
+import numpy as np
+
+from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects.effect import Effect
 from rig.procedures.attitude.effects.gears import GEAR_PITCH, GEAR_ROLL
 from rig.procedures.attitude.effects.head import (
@@ -72,6 +77,7 @@ from rig.procedures.attitude.effects.voltmeter import (
     VOLTMETER_RANGE,
     VOLTMETER_ZERO_DRIFT,
 )
+from rig.procedures.present.catalogue_table import catalogue_table
 
 CATALOGUE: tuple[Effect, ...] = (
     ISOLATION_PADS,
@@ -124,3 +130,20 @@ CATALOGUE: tuple[Effect, ...] = (
     SENSITIVITY_STEP_UNRECORDED,
     MOUNTING_SLIP_UNRECORDED,
 )
+
+
+def catalogue() -> str:
+    """Effects for `rig explain`, with the names of their columns in a run with two replications and an interruption."""
+    row, at = np.arange(288), np.arange(288.0)
+    data = AttitudeData(
+        replicate=1 + row // 144,
+        order=row,
+        elapsed_s=60.0 * at,
+        pitch_deg=-180.0 + 30.0 * (at % 12),
+        roll_deg=-180.0 + 30.0 * (at // 12 % 12),
+        sensor_temperature_degC=23.0 + 0.01 * at,
+        outputs={"x_V": np.sin(np.radians(30.0 * (at % 12)))},
+        block=row // 144,
+    )
+    rows = ((effect, [term.name for term in effect.terms(data)]) for effect in CATALOGUE)
+    return f"## Attitude sensors\n\n{catalogue_table(rows)}"
