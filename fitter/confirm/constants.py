@@ -34,7 +34,8 @@ class Profiled:
     Attributes:
         at: positions of its columns in the explanation.
         shift: position of the change with the constant, in whose place the constant stands.
-        values: (q + 1,) coefficients of its columns, and the constant.
+        values: (q + 1,) coefficients of its columns, and the constant; infinite, or 0 for one above zero, if the best of
+            the tried constants is the largest or smallest: the data ask for a still larger or smaller one.
         intervals: 95 % intervals of these: over all constants in the interval of the constant. Where the readings set
             no end it is infinite, or 0 for a constant above zero.
         names: of the columns at this constant.
@@ -116,8 +117,9 @@ def _profiled(
             high = np.where(np.argmax(highs, axis=0) == last, np.inf, high)
     sizes = solve(model(best), both.outputs)[:q]
     intervals = *zip(low.tolist(), high.tolist(), strict=True), (ends[0], ends[1])
+    border = {0: 0.0 if log else -np.inf, TRIED - 1: np.inf}
     names = tuple(term.with_constant(back(best)).term.name for term in terms)
-    return Profiled(at, shift, (*sizes.tolist(), back(best)), intervals, names)
+    return Profiled(at, shift, (*sizes.tolist(), border.get(nearest, back(best))), intervals, names)
 
 
 @dataclass(frozen=True, eq=False)

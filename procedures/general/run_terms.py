@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, isfinite
 
 import numpy as np
 
@@ -56,11 +56,18 @@ class RunTerm:
         return replace(self, term=Label(block.labels[self.at]), block=block, slope=())
 
     def constant_text(self, value: float, ends: tuple[float, float]) -> str:
-        """A value of its searched constant with its 95 % interval, for people."""
+        """A value of its searched constant with its 95 % interval, for people; open where the data set no end."""
         assert self.block.profile is not None
         name = self.block.profile.what or "constant"
-        unit = "s" if name == TIME_CONSTANT else ""  # of runs, whose time is elapsed_s
-        return f"{name} {size_with_95(each(unit), {name: value}, {name: (ends[0] or -inf, ends[1])}, 1.0)}"
+        size = each("s" if name == TIME_CONSTANT else "")  # of runs, whose time is elapsed_s
+        low, high = ends[0] or -inf, ends[1]
+        known = [end for end in (low, high) if isfinite(end)]
+        if not known:
+            return f"{name} not determined: no value is too small or too large for these data"
+        if isfinite(value) and value:
+            return f"{name} {size_with_95(size, {name: value}, {name: (low, high)}, 1.0)}"
+        word = "at least" if isfinite(low) else "at most"
+        return f"{name} {word} {size({name: known[0]}, 1.0, {name: 0.1 * abs(known[0])})}"
 
     def column(self, rows: Rows) -> FloatArray:
         """(n,) its values in some rows."""

@@ -125,3 +125,15 @@ def test_an_interval_without_an_end_can_be_kept_in_a_calibration_file():
     (told,) = Confirmed._answer(None, answer)["members"]
     assert json.loads(json.dumps(told, allow_nan=False))["interval_95"] == [[0.5, None], [None, 2.0]]
     assert told["coefficients"] == [1.0, None]
+
+
+def test_a_constant_at_the_border_of_what_was_tried_is_open_and_said_to_be():
+    """It was given as a value, 30 times the named one, as if the data had it."""
+    outputs = (-STEPS * GAIN + 0.1 * np.random.default_rng(1).standard_normal(60)) / 0.1
+    (one,) = profiled(Scaled(outputs, 0.1), terms(), np.ones((60, 1)), T)
+    low, high = one.intervals[1]
+    assert low > SEARCHED
+    assert one.values[1] == high == np.inf
+    assert terms()[1].constant_text(one.values[1], (low, high)).startswith("constant at least ")
+    assert terms()[1].constant_text(0.0, (0.0, 29.0)) == "constant at most 29"
+    assert "not determined" in terms()[1].constant_text(np.inf, (0.0, np.inf))

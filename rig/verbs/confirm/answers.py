@@ -274,7 +274,16 @@ def _against(member: Member) -> str:
 
 def _ends(member: Member) -> str:
     pairs = zip(member.terms, member.intervals_together, strict=True)
-    return ", ".join(f"{low:.3g} to {high:.3g} for {name}" for name, (low, high) in pairs)
+    return ", ".join(f"{_range(low, high)} for {name}" for name, (low, high) in pairs)
+
+
+def _range(low: float, high: float) -> str:
+    """A 95 % interval, open where the data set no end."""
+    if math.isfinite(low) and math.isfinite(high):
+        return f"{low:.3g} to {high:.3g}"
+    if math.isfinite(low) or math.isfinite(high):
+        return f"at least {low:.3g}" if math.isfinite(low) else f"at most {high:.3g}"
+    return "any value"
 
 
 def chance(p: float) -> str:
