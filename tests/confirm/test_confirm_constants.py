@@ -135,5 +135,5 @@ def test_a_constant_at_the_border_of_what_was_tried_is_open_and_said_to_be():
     assert low > SEARCHED
     assert one.values[1] == high == np.inf
     assert terms()[1].constant_text(one.values[1], (low, high)).startswith("constant at least ")
-    assert terms()[1].constant_text(0.0, (0.0, 29.0)) == "constant at most 29"
+    assert terms()[1].constant_text(0.0, (0.0, 29.0)) == "constant at most 29.0"
     assert "not determined" in terms()[1].constant_text(np.inf, (0.0, np.inf))
