@@ -34,8 +34,8 @@ class Profiled:
     Attributes:
         at: positions of its columns in the explanation.
         shift: position of the change with the constant, in whose place the constant stands.
-        values: (q + 1,) coefficients of its columns, and the constant: infinite, or 0 for one above zero, if the best of
-            those tried is the largest or smallest, since the data ask for one beyond it.
+        values: (q + 1,) coefficients of its columns, and the constant: infinite, or 0 for one above zero, if the best
+            of those tried is the largest or smallest, since the data ask for one beyond it.
         intervals: 95 % intervals of these: over all constants in the interval of the constant. Where the readings set
             no end it is infinite, or 0 for a constant above zero.
         names: of the columns at this constant.
