@@ -39,7 +39,10 @@ def put_in_place(rows: Sequence[dict[str, float]], run_list: RunList, bench: Sto
         for row in rows:
             row[with_word(name, "set")] = along(row[factor.set_name], levels, nominal)
             if since in row:
-                row.update(zip(moves_of(name), (row[since], along(row[start], levels, nominal)), strict=True))
+                # a setting outside those of the run, such as that at rest, was not read: nothing is known there
+                known_there = levels[0] <= row[start] <= levels[-1]
+                read = along(row[start], levels, nominal) if known_there else math.nan
+                row.update(zip(moves_of(name), (row[since], read), strict=True))
             if side in row:
                 row[f"{stem_of(name)}_side"] = rises * row[side]
         replaced |= {of, since, start, side}

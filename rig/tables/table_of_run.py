@@ -319,7 +319,9 @@ def _row(record: Record, seen: Observed, run_list: RunList, order: int, factors:
     row |= measured | _means(seen.outputs) | setpoints
     row |= {with_word(one["of"], "set"): one["tries"][-1][0] for one in seen.steered.values()}
     row |= {
-        f"{f.axis}_side": side for f, side in zip(run_list.factors, point.sides, strict=True) if f in run_list.sided
+        f"{f.axis}_side": side or _arrived(seen, f.axis)
+        for f, side in zip(run_list.factors, point.sides, strict=True)
+        if f in run_list.sided
     }
     by_hand = {f.name for f in run_list.easy if f.axis not in seen.settling}  # their readback is what was asked for
     readback = {name: value for name, value in seen.readback.items() if name not in measured and name not in by_hand}
@@ -353,6 +355,12 @@ def _fill(
     _fill_since(rows, settings)
     fill_flags(rows)
     return put_in_place(rows, run_list, bench)
+
+
+def _arrived(seen: Observed, axis: str) -> int:
+    """Side of approach as it was recorded; 0 if it is not known, as of a setting that was tried several times."""
+    tried = any(split_unit(name)[0] == axis and len(one["tries"]) > 1 for name, one in seen.steered.items())
+    return 0 if tried or axis not in seen.approach else int(seen.approach[axis][0])
 
 
 def _readback_name(quantity: str) -> str:

@@ -98,7 +98,8 @@ def test_two_files_make_a_laboratory_whose_hard_factor_is_an_angle(tmp_path):
     table = run_table(path).columns
     plots = began(path)
     assert len(plots) == 6
-    ways = [0, *(1 if b > a else -1 for a, b in itertools.pairwise(plots))]
+    first = next(iter(events(path, WholePlotBegan))).approach["pitch"][0]
+    ways = [first, *(1 if b > a else -1 for a, b in itertools.pairwise(plots))]
     sides = dict(zip(table["whole_plot"].tolist(), table["pitch_side"].tolist(), strict=True))
     assert [sides[number] for number in range(1, 7)] == ways
     for event, side in zip(events(path, WholePlotBegan), ways, strict=True):

@@ -288,3 +288,14 @@ def test_a_factor_that_is_read_in_another_unit_is_in_no_model(folder):
     told = rig("plan", "volts.toml", "--bench", "bench.toml", cwd=folder)
     assert told.returncode == 78
     assert "valve_V sets flow_kg_per_min, which is read in its place: write flow_kg_per_min" in told.stderr
+
+
+def test_the_first_row_has_the_side_from_which_it_was_approached_and_no_value_that_nobody_read(path):
+    """Its side was 0, and it came from a flow that was extrapolated to 0 V."""
+    table = run_table(path)
+    first = int(np.argmin(table.columns["elapsed_s"]))
+    assert table.columns["flow_side"][first] == 1
+    assert set(table.columns["flow_side"].tolist()) <= {1.0, -1.0}
+    start = table.columns["flow_from_kg_per_min"]
+    assert np.isnan(start[first])
+    assert np.isfinite(np.delete(start, first)).all()

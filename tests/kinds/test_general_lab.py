@@ -714,7 +714,7 @@ def test_arithmetic_of_worlds():
 
 
 def test_a_world_without_a_value_at_a_setting_is_an_error_of_its_file(tmp_path):
-    with pytest.raises(ConfigurationError, match=r"world: 'log\(force_kN - 1\)' has no value at force_kN = "):
+    with pytest.raises(ConfigurationError, match=r"world.toml: 'log\(force_kN - 1\)' has no value at force_kN = "):
         run_dry(tmp_path, world=WORLD.replace("0.1 + 0.5*force_kN", "log(force_kN - 1)"))
 
 

@@ -199,9 +199,12 @@ def lagging(v: FloatArray, gap: FloatArray, tau: float, stood: Stood | None = No
         v: (n,) the variable.
         gap: (n - 1,) time from each row to the next.
         tau: time constant.
-        stood: how each value came to be, if known: by a step; without it, v is linear between rows.
+        stood: how each value came to be, if known: by a step; without it, v is linear between rows. A value before a
+            step that is not known (NaN) is that of the row before.
     """
     since, start = stood or (None, None)
+    if start is not None:
+        start = np.where(np.isnan(start), np.concatenate([v[:1], v[:-1]]), start)
     r, first = gap / tau, float(v[0])
     decay, before = np.exp(-r), v[:-1] if start is None else start[1:]
     if since is None:
