@@ -114,6 +114,10 @@ class TableJudge:
             self._p[whole, j] = self._adjusted(rest, j)
         return self._p[whole, j]
 
+    def significant(self, chosen: tuple[int, ...], j: int) -> bool:
+        """Whether `j` counts as found beside the other `chosen`."""
+        return self._adjusted(tuple(k for k in chosen if k != j), j, ALPHA) <= ALPHA
+
     def suspects(self, chosen: tuple[int, ...]) -> tuple[tuple[str, float], ...]:
         """The effects nearest to significance beside those `chosen`, with their p, nearest first."""
         tried = [(self.candidates[j].effect.name, self._adjusted(chosen, j)) for j in self._ranked(chosen)]

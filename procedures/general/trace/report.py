@@ -28,6 +28,7 @@ from rig.procedures.general.swept import all_swept, functions_alike, swept_once
 from rig.procedures.general.trace.cross import SHARING, left_out
 from rig.procedures.general.trace.drawn import drawn_instead
 from rig.procedures.general.trace.estimate import Estimate, estimate, strata_of
+from rig.procedures.general.trace.few_plots import few_plots
 from rig.procedures.general.trace.few_rows import searched
 from rig.procedures.general.trace.findings import noise_findings
 from rig.procedures.general.trace.reasons import doubts_of
@@ -96,7 +97,11 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
         effects=(*effects, *noise),
         unnamed=rest,
         instead=drawn_instead(unmodelled, tuple(effect.effect for effect in effects if effect.doubtful)),
-        remarks=(*_remarks(found, data, after), *_not_predicted(0 if crossed is None else crossed[2])),
+        remarks=(
+            *few_plots(found, data),
+            *_remarks(found, data, after),
+            *_not_predicted(0 if crossed is None else crossed[2]),
+        ),
         y=data.y,
         variables=_variables(data) | _others(data),
         levels={name: g.levels for name, g in data.scene.groups.items()},
