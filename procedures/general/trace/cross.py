@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rig.fitter.arrays import IntArray
 from rig.fitter.linear import orthonormal
+from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.family import TableFamily
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.noise import Wandering
@@ -89,7 +90,7 @@ def _whole(candidate: Candidate, part: Candidate) -> Candidate:
 def _folds(problem: Problem, at: int) -> tuple[IntArray, str]:
     """(n,) groups of rows left out together, and their name."""
     n, rng = problem.n, np.random.default_rng(SEED)
-    if isinstance(problem.noise, Shared):
+    if isinstance(problem.noise, Shared | Components):
         group = problem.noise.group
         count = int(group.max()) + 1
         dealt = rng.permutation(np.arange(count) % min(count, 2 * FOLDS))

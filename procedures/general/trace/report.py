@@ -14,6 +14,7 @@ from rig.fitter.quantiles import t_tail
 from rig.fitter.trace.aliases import DELTA
 from rig.fitter.trace.doubts import CHANCE, MANY, beside_a_wander, by_chance, several_causes
 from rig.fitter.trace.engine.both import Both
+from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.noise import Wandering
 from rig.fitter.trace.engine.shared import Shared
@@ -251,7 +252,7 @@ def _spans(declared: int, judge: TableJudge, chosen: tuple[int, ...]) -> dict[in
 
 def _stratum(judge: TableJudge, mine: list[int], usual: str) -> str:
     noise = judge.problem.noise
-    if not isinstance(noise, Shared):
+    if not isinstance(noise, Shared | Components):
         return usual
     columns = judge.problem.of(mine) - judge.problem.of(mine).mean(axis=0)
     sums = np.zeros((int(noise.group.max()) + 1, columns.shape[1]))
@@ -300,6 +301,13 @@ def _remarks(found: Found, data: TableData, after: Estimate) -> tuple[str, ...]:
     if isinstance(noise, Wandering | Both) and noise.correlation[at] > 0:
         kind = "a random walk" if noise.correlation[at] == 1.0 else f"a correlation of {noise.correlation[at]:.2f}"
         remarks.append(f"neighbouring rows are not independent: effects were judged against {kind}")
+    if isinstance(noise, Components) and noise.grid[at, 1] > 0.0:
+        remarks.append(f"{data.shares} differ in their slope too: effects were judged beside that")
+    if isinstance(noise, Components) and noise.grid[at, 2] > 0.0:
+        remarks.append(
+            f"neighbouring rows in {data.shares} are not independent: effects were judged against a correlation of "
+            f"{noise.grid[at, 2]:.2f}"
+        )
     lags = [one for one in (judge.candidates[j].effect for j in found.chosen) if one.kind.terms is lag]
     remarks += [
         f"{one.name}: when {one.columns[0]} was set is not known; it is taken to change evenly from row to row. "

@@ -12,6 +12,7 @@ from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import DELTA
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.both import Both
+from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.likelihood import Grid
 from rig.fitter.trace.engine.noise import Independent, Noise, Wandering
@@ -36,6 +37,10 @@ FEWEST_TO_A_GROUP = 3
 """Rows in a whole plot or replication, on average, from which on neighbours in it are asked whether they are alike."""
 FITTED, SIZE_OF_FITTED = "fitted", "size of fitted"
 """Drivers of noise: the fitted response and its absolute value."""
+MOST_OF_SLOPES = 60
+"""Groups with an error in common up to which they are asked for slopes: beyond, each covariance is a large matrix."""
+NEAR = 6.0
+"""Restricted log-likelihood by which covariances of slopes may be behind the best."""
 ALIKE = 1.35
 """Restricted log-likelihood by which they are to be likelier alike than not: one table in ten of rows that are not."""
 
@@ -267,9 +272,28 @@ def _left(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, Float
 
 def _noise(data: TableData) -> Noise:
     if data.shared is not None:
-        return Shared(data.shared, scale=scale_of(data.shared, data.y, data.columns))
+        return _of_slopes(data) or Shared(data.shared, scale=scale_of(data.shared, data.y, data.columns))
     when = times_of(data)
     return Independent(len(data.y)) if when is None else Wandering(when)
+
+
+def _of_slopes(data: TableData) -> Components | None:
+    """Noise with slopes of groups over a setting besides their offsets, where these differ; None elsewhere.
+
+    Asked beside the declared model alone: a search with it estimates slopes anew beside every effect.
+    """
+    group, n = data.shared, len(data.y)
+    if group is None or not 1 < int(group.max()) + 1 <= min(MOST_OF_SLOPES, n // FEWEST_TO_A_GROUP):
+        return None
+    scale, best, ahead = scale_of(group, data.y, data.columns), None, ALIKE
+    for values in data.scene.settings.values():
+        noise = Components.of(group, np.arange(n), values, scale)
+        reml = Grid.of(noise, data.y, data.columns).beside().reml
+        none = noise.grid[:, 1] == 0.0
+        lead = -np.inf if np.all(none) else float(reml.max() - reml[none].max())
+        if lead > ahead:
+            best, ahead = noise.among((reml > reml.max() - NEAR) | (np.arange(len(reml)) == 0)), lead
+    return best
 
 
 def times_of(data: TableData) -> FloatArray | None:
@@ -292,6 +316,8 @@ def _alike(data: TableData, found: Found) -> Both | None:
     Asked beside what was found but for effects in time: those may be what a wander looks like.
     """
     judge, when = found.judge, times_of(data)
+    if isinstance(judge.problem.noise, Components):
+        return None  # it has a memory of its own
     if data.shared is None or when is None or int(data.shared.max()) + 1 >= len(data.y) // FEWEST_TO_A_GROUP:
         return None
     beside = tuple(j for j in found.chosen if judge.candidates[j].effect.source != "time")

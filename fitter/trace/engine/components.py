@@ -1,0 +1,256 @@
+"""Components of the error of rows in groups: an offset and a slope of each group, and memory within it.
+
+The covariance of rows over their own standard deviations is A + Z K Z'. A has the memory of the rows of a group (of
+first order, in the order of measurement), Z an indicator and a variable of each group, K the variances of offsets and
+slopes. In rows whitened by A it is the identity plus a matrix of twice as many rows as there are groups, whose triangle
+whitens the rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.engine.noise import BoolArray
+
+OFFSETS = tuple(np.geomspace(0.05, 400.0, 20).tolist())
+"""Variance of a group's offset over that of a row; far apart, effects between groups would be judged too well."""
+SLOPES = (0.0, 0.1, 0.25, 0.6, 1.5, 4.0, 10.0, 30.0)
+"""The same of its slope, for rows whose variable has a mean square of one."""
+MEMORIES = (0.0, 0.3, 0.55, 0.8)
+"""Correlation of a row's error with that of the row before in its group."""
+PRICE = 1.0
+"""In nats, of slopes and of memory: most tables have neither."""
+_LEAST = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """Errors of rows in groups; the first covariance is that of independent rows.
+
+    Attributes:
+        group: (n,) group of each row, from zero.
+        before: (n,) row of the row before in its group; the row itself at the first.
+        variable: (n,) over which groups have slopes, about its mean in each.
+        grid: (G, 3) variances of offsets and slopes over that of a row, and correlation of neighbouring rows.
+        sd: (n,) standard deviation that each row was divided by.
+
+    """
+
+    group: IntArray
+    before: IntArray
+    variable: FloatArray
+    grid: FloatArray
+    sd: FloatArray
+
+    @classmethod
+    def of(cls, group: IntArray, order: IntArray, variable: FloatArray, scale: float = 1.0) -> Components:
+        """All covariances of rows in groups.
+
+        Args:
+            group: (n,) of each row.
+            order: (n,) executed position.
+            variable: (n,) over which groups may have slopes.
+            scale: factor of the variances of offsets.
+        """
+        mean = np.bincount(group, variable) / np.bincount(group)
+        about = variable - mean[group]
+        size = float(np.sqrt(np.mean(about**2)))
+        own = list(product([0.0], SLOPES, MEMORIES))
+        own += [(scale * o, s, m) for o, s, m in product(OFFSETS, SLOPES, MEMORIES)]
+        if not size:
+            own = [one for one in own if one[1] == 0.0]
+        return cls(group, _before(group, order), about / (size or 1.0), np.array(own), np.ones(len(group)))
+
+    @property
+    def prior(self) -> FloatArray:
+        """See `Noise`."""
+        return np.ones(len(self.grid))
+
+    @property
+    def slow(self) -> BoolArray:
+        """See `Noise`."""
+        return np.zeros(len(self.grid), np.bool_)
+
+    @property
+    def drifting(self) -> BoolArray:
+        """See `Noise`."""
+        return np.zeros(len(self.grid), np.bool_)
+
+    @property
+    def memory(self) -> FloatArray:
+        """See `Noise`."""
+        return np.ones(len(self.grid))
+
+    @cached_property
+    def _memories(self) -> tuple[FloatArray, IntArray]:
+        """Distinct memories, and which of them each covariance has."""
+        values, which = np.unique(self.grid[:, 2], return_inverse=True)
+        return values, which.astype(np.int64)
+
+    @cached_property
+    def _groups(self) -> FloatArray:
+        """(n, 2 W) indicator and variable of each group, over each row's standard deviation."""
+        member = (self.group[:, None] == np.arange(int(self.group.max()) + 1)) / self.sd[:, None]
+        return np.hstack([member, member * self.variable[:, None]])
+
+    @cached_property
+    def _bases(self) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        """For each memory (n, q) an orthonormal basis of the groups whitened by it, and (q, 2 W) these in it."""
+        out = []
+        for rho in self._memories[0].tolist():
+            white = self._less(rho, self._groups)
+            u, s, v = np.linalg.svd(white, full_matrices=False)
+            kept = s > _LEAST * s[0]
+            out.append((u[:, kept], s[kept, None] * v[kept]))
+        return tuple(out)
+
+    @cached_property
+    def _triangles(self) -> tuple[FloatArray, ...]:
+        """(q, q) for each covariance, in the basis of its memory."""
+        count, out = int(self.group.max()) + 1, []
+        for (offset, slope, _), m in zip(self.grid.tolist(), self._memories[1].tolist(), strict=True):
+            own = self._bases[m][1]
+            one, other = own[:, :count], own[:, count:]
+            out.append(np.linalg.cholesky(np.eye(len(own)) + offset * one @ one.T + slope * other @ other.T))
+        return tuple(out)
+
+    @cached_property
+    def _inverses(self) -> tuple[FloatArray, ...]:
+        """(q, q) inverse of each triangle, less the identity."""
+        return tuple(np.linalg.inv(one) - np.eye(len(one)) for one in self._triangles)
+
+    @cached_property
+    def log_det(self) -> FloatArray:
+        """See `Noise`; with the prices of its components."""
+        prices = 2.0 * PRICE * np.sum(self.grid[:, 1:] > 0.0, axis=1)
+        followers = int(np.count_nonzero(self.before != np.arange(len(self.group))))
+        of_rows = followers * np.log1p(-(self.grid[:, 2] ** 2))
+        return np.asarray(prices + of_rows + [2.0 * float(np.sum(np.log(np.diag(one)))) for one in self._triangles])
+
+    def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        out = np.empty((len(which), *columns.shape))
+        done: dict[int, tuple[FloatArray, FloatArray]] = {}
+        for i, g in enumerate(which.tolist()):
+            m = int(self._memories[1][g])
+            if m not in done:
+                white = self._less(float(self._memories[0][m]), columns)
+                done[m] = white, self._bases[m][0].T @ white
+            white, along = done[m]
+            np.matmul(self._bases[m][0], self._inverses[g] @ along, out=out[i])
+            out[i] += white
+        return out
+
+    def back(self, at: int, white: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        m = int(self._memories[1][at])
+        basis = self._bases[m][0]
+        return self._later(float(self._memories[0][m]), white + basis @ (self._inverses[at].T @ (basis.T @ white)))
+
+    def colour(self, at: int, white: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        m = int(self._memories[1][at])
+        return self._more(float(self._memories[0][m]), self._stretched(at, m, white, transposed=False))
+
+    def root(self, at: int, columns: FloatArray) -> FloatArray:
+        """See `Noise`."""
+        m = int(self._memories[1][at])
+        return self._stretched(
+            at, m, self._more(float(self._memories[0][m]), columns, transposed=True), transposed=True
+        )
+
+    def _stretched(self, at: int, m: int, columns: FloatArray, *, transposed: bool) -> FloatArray:
+        basis, triangle = self._bases[m][0], self._triangles[at]
+        along = basis.T @ columns
+        return np.asarray(columns + basis @ ((triangle.T if transposed else triangle) @ along - along))
+
+    def variances(self, at: int) -> FloatArray:
+        """See `Noise`."""
+        offset, slope, _ = self.grid[at].tolist()
+        return np.asarray(1.0 + (offset + slope * self.variable**2) / self.sd**2)
+
+    def rows(self, kept: IntArray) -> Components:
+        """See `Noise`. A row whose row before is not kept follows the one before that."""
+        group = np.asarray(np.unique(self.group[kept], return_inverse=True)[1], np.int64)
+        number = np.full(len(self.group), -1)
+        number[kept] = np.arange(len(kept))
+        before = self.before[kept]
+        while np.any(lost := number[before] < 0):
+            behind = self.before[before]
+            before = np.where(lost, np.where(behind == before, kept, behind), before)
+        return Components(group, number[before], self.variable[kept], self.grid, self.sd[kept])
+
+    def only(self, at: int) -> Components:
+        """See `Noise`."""
+        return replace(self, grid=self.grid[at : at + 1])
+
+    def among(self, kept: BoolArray) -> Components:
+        """A grid of some of the covariances."""
+        return replace(self, grid=self.grid[kept])
+
+    def stretched(self, factor: float) -> Components:
+        """The same with other variances of offsets."""
+        return replace(self, grid=self.grid * np.array([factor, 1.0, 1.0]))
+
+    def over(self, sd: FloatArray) -> Components:
+        """See `Noise`."""
+        return replace(self, sd=sd)
+
+    def _less(self, rho: float, columns: FloatArray) -> FloatArray:
+        """(n, m) columns without what their row before foretells, over the standard deviation of that."""
+        if rho == 0.0:
+            return columns
+        first = (self.before == np.arange(len(self.before)))[:, None]
+        return np.where(first, columns, (columns - rho * columns[self.before]) / np.sqrt(1.0 - rho**2))
+
+    def _later(self, rho: float, white: FloatArray) -> FloatArray:
+        """The transposed of `_less`."""
+        if rho == 0.0:
+            return white
+        own = np.where(self._first, 1.0, 1.0 / np.sqrt(1.0 - rho**2))[:, None] * white
+        out = own.copy()
+        follows = np.flatnonzero(~self._first)
+        np.subtract.at(out, self.before[follows], rho * own[follows])
+        return out
+
+    def _more(self, rho: float, white: FloatArray, *, transposed: bool = False) -> FloatArray:
+        """The inverse of `_less`, or its transposed."""
+        if rho == 0.0:
+            return white
+        out, step = white.copy(), np.sqrt(1.0 - rho**2)
+        for rows in reversed(self._in_turn) if transposed else self._in_turn:
+            back = self.before[rows]
+            if transposed:
+                out[back] += rho * out[rows]  # rows of one position follow different ones
+                out[rows] *= step
+            else:
+                out[rows] = step * out[rows] + rho * out[back]
+        return out
+
+    @cached_property
+    def _first(self) -> BoolArray:
+        return np.asarray(self.before == np.arange(len(self.before)))
+
+    @cached_property
+    def _in_turn(self) -> list[IntArray]:
+        """Second rows of all groups, third ones, and so on."""
+        position, behind = np.zeros(len(self.before), np.int64), self.before
+        moved = ~self._first
+        while np.any(moved):
+            position += moved
+            moved = moved & (self.before[behind] != behind)
+            behind = self.before[behind]
+        return [np.flatnonzero(position == k) for k in range(1, int(position.max()) + 1)]
+
+
+def _before(group: IntArray, order: IntArray) -> IntArray:
+    """(n,) row of the row before in its group; the row itself at the first."""
+    executed = np.lexsort((order, group))
+    behind = np.concatenate([executed[:1], executed[:-1]])
+    behind = np.where(group[behind] == group[executed], behind, executed)
+    return np.asarray(behind[np.argsort(executed)], np.int64)
