@@ -242,7 +242,8 @@ class GeneralConfirming(Confirming):
             if answer.effect in off:
                 told = [note for note in every if note.startswith(f"{off[answer.effect]} ")] or [NOT_OURS]
                 effect["used"] = f"{effect['told']}; {told[0]}"
-        with_all = replace(run, asked=run.asked.adding(added))
+        covered = with_effects(asked, self.traced, only=off, covered=True)
+        with_all = replace(covered, asked=run.asked.adding(added))
         plain = options.response is None and options.formula is None
         return ConfirmedFit(
             noted_of(fit_run(with_all.asked), run.notes),

@@ -299,3 +299,10 @@ def test_the_first_row_has_the_side_from_which_it_was_approached_and_no_value_th
     start = table.columns["flow_from_kg_per_min"]
     assert np.isnan(start[first])
     assert np.isfinite(np.delete(start, first)).all()
+
+
+def test_a_value_that_nobody_read_is_no_correction_by_a_certificate(path, folder):
+    """A column with a gap counted as changed, and the budget said that certificates had corrected it."""
+    told = rig("budget", path, "--equipment", folder / "register.toml")
+    assert told.returncode == 0, told.stderr
+    assert "corrected by the certificates" not in told.stderr

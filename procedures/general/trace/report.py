@@ -192,7 +192,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         coefficients=tuple(values.tolist()),
         stderr=tuple(errors.tolist()),
         unit=effect.unit,
-        size=_size(own, values, effect, data.response),
+        size=_size(own, whole, values, effect, data.response),
         p_adjusted=p,
         p_adjusted_is_bound=judge.is_bound(p),
         share=0.0,  # together for all effects: `_shares`
@@ -227,8 +227,10 @@ def _over(effect: TableEffect, data: TableData) -> tuple[str, ...]:
     return (*effect.columns, *([time.name] if effect.source == "time" and time is not None else ()))
 
 
-def _size(own: FloatArray, values: FloatArray, effect: TableEffect, response: str) -> str:
-    """Size of an effect beyond the declared model; for levels of a group the range of their coefficients."""
+def _size(own: FloatArray, whole: FloatArray, values: FloatArray, effect: TableEffect, response: str) -> str:
+    """Size of an effect beyond the declared model; for levels of a group the range of their coefficients, for the side
+    of approach how far it goes to either side, since what the declared model takes up of it moves the ends.
+    """
     unit = unit_after(response)
     of = "" if unit else f", in the unit of {response}"
     rms, ends = f"{np.sqrt(np.mean(own**2)):.3g}{unit} rms", f"{np.ptp(own):.3g}{unit} from end to end{of}"
@@ -237,6 +239,8 @@ def _size(own: FloatArray, values: FloatArray, effect: TableEffect, response: st
         return f"{rms}, levels up to {apart:.3g}{unit} apart{of}"
     if effect.kind is GROUP_GAIN:
         return f"{rms}, {ends}; slopes up to {apart:.3g} {effect.unit} apart"
+    if effect.family == "direction":
+        return f"{rms}, up to {np.max(np.abs(whole)):.3g}{unit} to either side{of}"
     return f"{rms}, {ends}"
 
 

@@ -236,7 +236,8 @@ def _corrected(
     table: Table, kind: Kind, config: BenchConfig, register: Register, stated: Statements, told: KnownConditions
 ) -> OfRun:
     columns = kind.placed(corrected(table.columns, stated.errors), stated.constants)
-    changed = tuple(name for name, values in columns.items() if (values != table.columns[name]).any())
+    same = {name for name, v in columns.items() if np.array_equal(v, table.columns[name], equal_nan=True)}
+    changed = tuple(name for name in columns if name not in same)
     table = replace(table, columns=columns) if changed else table
     return OfRun(table, kind, config, register, stated, changed, told)
 
