@@ -26,8 +26,9 @@ def with_undeclared(
     """Budgets by the declared model, with a line for effects that it lacks.
 
     The line is how far each result is from that by the traced model. It is a known deviation that is not corrected, so
-    its whole size d is taken as a standard uncertainty, together with the model errors of the traced one, and with the
-    scatter by which the traced result is less certain than the declared one. If the traced result is right within its
+    its whole size d is taken as a standard uncertainty, together with the model errors of the traced one, with the
+    scatter by which the traced result is less certain than the declared one, and with the difference between both
+    sides of approach, as far as the declared result has no line for it. If the traced result is right within its
     standard uncertainty u, the value is within k sqrt(d^2 + u^2) of the declared result with 95 % for k = 1.96 where
     d is zero, with 95.2 % where it is 0.6 u, and with nearly 100 % where it is large beside u. Where an effect follows
     a quantity that the declared model has not, results hold at the conditions of the run: d is its rms over these.
@@ -90,11 +91,20 @@ def undeclared_lines(declared: Evaluation, traced: Evaluation, effects: Mapping[
     for one in traced.model_errors():
         covariance = covariance + np.outer(times, times) * one.covariance[square]
     covariance += np.diag(np.maximum(times**2 * other.of_fit[chosen] - mine.of_fit, 0.0))
+    covariance += np.diag(np.maximum(times**2 * _reversed(traced)[chosen] - _reversed(declared), 0.0))
     theirs = {names: np.array([one == names for one in of], np.float64) for names in dict.fromkeys(of)}
     return [
         TypeA(covariance * np.outer(mask, mask), np.inf, LINE.format(names), SOURCE, "B")
         for names, mask in theirs.items()
     ]
+
+
+def _reversed(evaluation: Evaluation) -> FloatArray:
+    """(m,) variance of the results by the difference between rising and falling series."""
+    found = np.zeros(len(evaluation.results.values))
+    for one in evaluation.reversibility():
+        found += np.diag(one.covariance)
+    return found
 
 
 def _same_readings(traced: Evaluation, mine: Results, chosen: IntArray) -> FloatArray:
