@@ -22,6 +22,8 @@ STAYS = (3.0, 5.0, 8.0, 14.0, 25.0, 45.0)
 """Mean number of rows of a stay at the rarer level."""
 MIDDLES = (-0.3, 0.0, 0.3)
 """Offsets of the mean in a run, in standard deviations: in a short run the shares differ from their expectation."""
+LONG = 2000
+"""Rows from which on the mean is where it is expected: there are forty stays at least."""
 ROUNDS = 5
 """Maximum number of alternating fits of levels and model."""
 NEAR = 12.0
@@ -63,7 +65,8 @@ def two_levels(left: FloatArray, basis: FloatArray) -> TwoLevels | None:
     """
     if left.size < FEWEST or not np.any(left):
         return None
-    grid, series, best = np.array(list(product(APART, SHARES, STAYS, MIDDLES))), left, None
+    middles = MIDDLES if left.size < LONG else (0.0,)
+    grid, series, best = np.array(list(product(APART, SHARES, STAYS, middles))), left, None
     for _ in range(ROUNDS):
         total = _likelihoods(series, grid)
         at = int(np.argmax(total))

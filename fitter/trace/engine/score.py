@@ -26,6 +26,8 @@ Floats = NDArray[Any]
 """Double or single precision: a simulation may use less than a score."""
 NOTHING_LEFT = 1e-3
 """Minimum remaining share of a column beside the model."""
+NEARLY = 0.1
+"""Remaining share of a column below which its rounding errors beside the model are removed once more."""
 RESOLVED = 1e-12
 """Relative size of the response's range below which differences are rounding."""
 FEWEST_FOR_SCATTER = 20
@@ -150,8 +152,11 @@ class View:
         for some in problem.few:
             few = problem.noise.whiten(which, problem.columns[:, some] / sd)[0]
             length[some] = _about(few)
-            for _ in range(2):  # once leaves rounding errors of a column that is nearly declared
-                few -= basis @ (basis.T @ few)
+            whole = np.einsum("ij,ij->j", few, few)
+            few -= basis @ (basis.T @ few)
+            near = np.einsum("ij,ij->j", few, few) < NEARLY**2 * whole
+            if np.any(near):  # once leaves rounding errors of a column that is nearly declared
+                few[:, near] -= basis @ (basis.T @ few[:, near])
             columns[:, some] = few
         return cls(own[:, 0], basis, columns, length, problem.start)
 
