@@ -91,3 +91,12 @@ def test_shares_are_of_errors_and_of_statements():
     assert found["traced"]["held"] == 50.0
     assert found["traced"]["conform at 0.8 to 0.95"] == [0.9, 1.0, 1]
     assert found["traced"]["conform at 0.95 to 1"] == [0.97, 0.0, 1]
+
+
+def test_a_carry_over_knows_what_stood_before_the_first_row():
+    """The first row was taken to come from its own force, not from none; a lag was named instead: 79 % of
+    such results held, and of these 16 only 7.
+    """
+    errors = np.abs([_general(seed, "carry-over")["traced"] for seed in (1000, 1002, 1003, 1009)])
+    print("errors over U:", errors.round(2).tolist())
+    assert np.count_nonzero(errors < 1.0) >= 14

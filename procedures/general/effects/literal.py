@@ -18,7 +18,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.errors import FitError
 from rig.procedures.column_names import moves_of
 from rig.procedures.general.effects.scene import Stood
-from rig.procedures.general.effects.time_columns import lagging
+from rig.procedures.general.effects.time_columns import before_each, lagging
 
 _REMEMBERS = re.compile(r"(?<![\w.])(previous|lag|rate|side)\(")
 _TURNED = re.compile(r"(?<![\w.])(sin|cos)\((\d+) ([^\W\d][\w.]*)\)")
@@ -89,25 +89,28 @@ def _arguments(text: str, start: int) -> tuple[list[str], int]:
 
 def _remembered(function: str, arguments: Sequence[str], rows: Rows) -> FloatArray:
     v = column(arguments[0], rows)
-    if function == "lag":
-        tau = float(arguments[1])
-        names = parse_expression(arguments[0]).names
-        since, start = moves_of(names[0]) if len(names) == 1 else ("", "")
-        if since not in rows.values:
-            return rows.each(lambda own, t: lagging(own, np.diff(t), tau), v)
-        moves = [v, rows.values[since]]
-        if start in rows.values:
-            moves.append(column(arguments[0], replace(rows, values={**rows.values, names[0]: rows.values[start]})))
+    names = parse_expression(arguments[0]).names
+    since, start = moves_of(names[0]) if len(names) == 1 else ("", "")
+    moves = [v]
+    if start in rows.values:
+        moves.append(column(arguments[0], replace(rows, values={**rows.values, names[0]: rows.values[start]})))
+    if function == "previous":
+        return rows.each(_previous, np.column_stack(moves))
+    if function != "lag":
+        return rows.each({"rate": _rate, "side": _side}[function], v)
+    tau = float(arguments[1])
+    if since not in rows.values:
+        return rows.each(lambda own, t: lagging(own, np.diff(t), tau), v)
 
-        def late(own: FloatArray, t: FloatArray) -> FloatArray:
-            return lagging(own[:, 0], np.diff(t), tau, Stood(own[:, 1], own[:, 2] if own.shape[1] > 2 else None))
+    def late(own: FloatArray, t: FloatArray) -> FloatArray:
+        return lagging(own[:, 0], np.diff(t), tau, Stood(own[:, 1], own[:, 2] if own.shape[1] > 2 else None))
 
-        return rows.each(late, np.column_stack(moves))
-    return rows.each({"previous": _previous, "rate": _rate, "side": _side}[function], v)
+    return rows.each(late, np.column_stack([v, rows.values[since], *moves[1:]]))
 
 
-def _previous(v: FloatArray, _times: FloatArray) -> FloatArray:
-    return np.concatenate([v[:1], v[:-1]])
+def _previous(own: FloatArray, _times: FloatArray) -> FloatArray:
+    """(n,) values before those of (n, 1 or 2) rows, with what each came from where it is recorded."""
+    return before_each(own[:, 0], own[:, 1] if own.shape[1] > 1 else None)
 
 
 def _rate(v: FloatArray, times: FloatArray) -> FloatArray:

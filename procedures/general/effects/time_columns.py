@@ -188,8 +188,20 @@ def previous(scene: TableScene, name: str) -> Terms:
     v = scene.of(name)
     if scene.time is None:
         return ()
-    before = np.concatenate([v[:1], v[:-1]])
+    stood = scene.stood(name)
+    before = before_each(v, None if stood is None else stood.start)
     return (TableTerm((f"previous({name}) - {whole(name)}",), (before - v)[:, None]),)
+
+
+def before_each(v: FloatArray, start: FloatArray | None) -> FloatArray:
+    """(n,) the value before each row's; before the first row what it came from, such as no load, where that is known.
+
+    Args:
+        v: (n,) values.
+        start: (n,) what each came from; not finite, or None, where it is not known.
+    """
+    first = v[:1] if start is None else np.where(np.isfinite(start[:1]), start[:1], v[:1])
+    return np.concatenate([first, v[:-1]])
 
 
 def lagging(v: FloatArray, gap: FloatArray, tau: float, stood: Stood | None = None) -> FloatArray:
