@@ -111,3 +111,13 @@ def test_where_effects_are_not_looked_for_every_output_says_so(tmp_path):
     assert row["uncertainty"] == told["uncertainty"] == "total by the model, without effects beside it"
     assert any("rig budget and certificates trace the run" in note for note in told["notes"])
     assert "effects that the declared model lacks are in no interval here" in done.stderr.replace("\n", " ")
+
+
+def test_a_calibration_says_which_errors_the_register_does_not_state(small, tmp_path):
+    """A chamber without an error was in the notes of the budget alone, and intervals in use were called total."""
+    register = tmp_path / "equipment.toml"
+    register.write_text((small.parent / "equipment.toml").read_text().replace('"force_kN"', '"air_degC"'))
+    rows, told = in_use(tmp_path, small, (1.0, 2.0), "--equipment", register)
+    said = "total, but for errors that the register does not state"
+    assert {row["uncertainty"] for row in rows} == {told["uncertainty"]} == {said}
+    assert any("the register states no errors of force_kN" in note for note in told["notes"])

@@ -17,6 +17,7 @@ from rig.verbs.data.lines import WITHOUT, lines_in_use
 from rig.verbs.infer.total import TOTAL
 
 REPEATABILITY = "repeatability only"
+UNSTATED = ", but for errors that the register does not state"
 Evaluated = Callable[[Sequence[Mapping[str, float]], Mapping[str, float]], Evaluation]
 """The evaluation of a run at points, by constants of the place."""
 
@@ -48,7 +49,8 @@ def budget_section(
     in_lines = {line["name"] for every in more.lines.values() for line in every}
     told = {f"{name}{NOT_COVERED}": f"{name}: it is in the intervals, as in the budget of the run" for name in in_lines}
     notes = [*more.notes, *(told.get(note, note) for note in notes)]
-    notes[:0] = [*of.stated.what_is_lacking(of.stated.unstated(evaluation.columns)), *of.stated.unused]
+    lacking = of.stated.what_is_lacking(of.stated.unstated(evaluation.columns))
+    notes[:0] = [*lacking, *of.stated.unused]
     notes += held(of.table, of.config.temperatures, evaluation.columns, ())
     if without:
         notes.insert(0, f"{', '.join(without)}: not in the model of the calibration, and in no interval")
@@ -62,7 +64,7 @@ def budget_section(
         "influences": [_json(one) for one in influences],
         "lines": more.lines,
         "scatter": more.scatter,
-        "uncertainty": TOTAL if more.whole and not without else WITHOUT,
+        "uncertainty": f"{TOTAL if more.whole and not without else WITHOUT}{UNSTATED if lacking else ''}",
         "notes": [*notes, *evaluation.notes()],
     }
     stored = evaluation.stored()
