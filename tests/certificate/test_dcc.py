@@ -99,6 +99,14 @@ def test_it_reads_who_and_when():
     assert any("Point 41 was skipped" in one for one in read.statements)
 
 
+def test_every_note_of_the_page_is_in_it():
+    """The page said for how many readings inferred values hold, and what is not in the uncertainties; it did not."""
+    made = document()
+    assert made.notes
+    read = parsed(dcc(made), "made.xml")
+    assert all(any(note in one for one in read.statements) for note in made.notes)
+
+
 def test_texts_with_control_characters_stay_xml():
     made = replace(document(), deviations=("a \x00 \x1b[31m <b> & ]]>",))
     read = parsed(dcc(made), "made.xml")

@@ -46,6 +46,8 @@ def add_statements(parent: ET.Element, document: Document) -> None:
         _declared(parent, "Effect beside the declared model", text)
     for model in document.models:
         _declared(parent, "Model of the results", model)
+    for note in document.notes:
+        _declared(parent, "Note on the results", note)
     if document.adjustment:
         _declared(parent, "Adjustment between as found and as left", document.adjustment)
     for text in (*document.remarks, *document.opinions):
