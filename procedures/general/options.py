@@ -41,8 +41,8 @@ class FitOptions(Options):
     position: str | None = Field(None, description="with --series: column of the transducer's orientation")
     tolerance: float | None = Field(
         None,
-        description="largest accepted 95 % half-width of a value inferred from one reading, in the unit of the "
-        "abscissa; exit code 3 beyond it",
+        description="largest accepted 95 % half-width of a value inferred from a reading such as the rows of "
+        "the table, in the unit of the abscissa; exit code 3 beyond it",
     )
     between: tuple[float, float] | None = Field(
         None, description="with --tolerance, for a curve that turns: the range in which values are inferred"

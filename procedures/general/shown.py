@@ -103,7 +103,7 @@ def _predictions(result: Mapping[str, Any]) -> Iterator[Block]:
     asked = "standard_uncertainty" in rows[0]
     names = [name for name in rows[0] if name not in _PREDICTED]
     own = ("standard uncertainty",) if asked else ()
-    table = Grid((*map(escape, names), escape(result["response"]), *own, "95 %: curve +-", "one reading +-"))
+    table = Grid((*map(escape, names), escape(result["response"]), *own, "95 %: curve +-", "one row +-"))
     for row in rows:
         value, error = with_error(row["value"], row["standard_uncertainty" if asked else "confidence95"])
         intervals = [with_error(row["value"], row[key])[1] for key in ("confidence95", "prediction95")]
