@@ -8,6 +8,7 @@ whitens the rest.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -25,6 +26,8 @@ MEMORIES = (0.0, 0.3, 0.55, 0.8)
 """Correlation of a row's error with that of the row before in its group."""
 PRICE = 1.0
 """In nats, of slopes and of memory: most tables have neither."""
+LIKE = (1.7, 2.7)
+"""Ratios of offsets and of slopes up to which two covariances give scores about the same distribution by chance."""
 _LEAST = 1e-9
 
 
@@ -188,6 +191,16 @@ class Components:
     def only(self, at: int) -> Components:
         """See `Noise`."""
         return replace(self, grid=self.grid[at : at + 1])
+
+    def like(self, at: int, known: Sequence[int]) -> int:
+        """A covariance among the `known` ones that is nearly this one; this one itself if there is none."""
+        own = self.grid[at]
+        for other in known:
+            one = self.grid[other]
+            ratio = np.maximum(own[:2], one[:2]) <= np.array(LIKE) * np.minimum(own[:2], one[:2])
+            if np.all(ratio) and own[2] == one[2]:
+                return other
+        return at
 
     def among(self, kept: BoolArray) -> Components:
         """A grid of some of the covariances."""

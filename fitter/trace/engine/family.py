@@ -161,7 +161,11 @@ def least_of(problem: Problem, width: int) -> float | None:
     None where it takes a simulation to know the number of draws.
     """
     fewest = _fewest(problem)
-    return of_all(1.0 / (1.0 + fewest), problem.sensors) if ALL_BUT * problem.n * width > WORK / fewest else None
+    return (
+        of_all(1.0 / (1.0 + fewest), problem.sensors)
+        if ALL_BUT * problem.n * width > WORK * problem.effort / fewest
+        else None
+    )
 
 
 def family_of(
@@ -193,7 +197,8 @@ def family_of(
     width = simulated.width(at)
     if not width:
         return TableFamily({}, np.ones(1), problem.sensors)
-    count = int(np.clip(WORK / (n * width * max(len(near[1]), 1)), fewest, max(MOST, fewest)))
+    most = WORK * problem.effort / (n * width * max(len(near[1]), 1))
+    count = int(np.clip(most, fewest, max(MOST * problem.effort, fewest)))
     draws = Draws(problem, at, weight, rng, near, count, scatter if n >= FEWEST_FOR_SCATTER else None, simulated.held)
     return TableFamily({}, np.ones(count), problem.sensors, draws, list(simulated.parts))
 

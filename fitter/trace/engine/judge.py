@@ -14,11 +14,13 @@ from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.family import CERTAIN, TableFamily, evidence, family_of, least_of
 from rig.fitter.trace.engine.lengths import Simulated
 from rig.fitter.trace.engine.likelihood import Grid, Likelihoods, ratio
+from rig.fitter.trace.engine.noise import BoolArray
 from rig.fitter.trace.engine.problem import Candidate, Problem
 from rig.fitter.trace.engine.rivalry import Rivalry, Trial, possible_of
 from rig.fitter.trace.engine.rivals import rivals
 from rig.fitter.trace.engine.robust import excess
-from rig.fitter.trace.engine.score import View, ranked, score
+from rig.fitter.trace.engine.score import Scores, View, ranked, score
+from rig.fitter.trace.signs import SURE
 
 SHORTLIST = 8
 """Number of effects examined closely at each step, by their reduction of the residual."""
@@ -80,8 +82,17 @@ class TableJudge:
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """The most evident candidate beside those `chosen`, among the significant ones."""
         ranked = [j for j in self._ranked(chosen) if not self._crowded(chosen, j)]
-        single = next(((j,) for j in ranked if self._adjusted(chosen, j, ALPHA) <= ALPHA), ())
+        single = next(((j,) for j in ranked if self.adjusted(chosen, j, ALPHA) <= ALPHA), ())
         return single or self._pair(chosen, ranked)
+
+    def judged(self, chosen: tuple[int, ...]) -> BoolArray | None:
+        """(J,) candidates that are judged beside those `chosen`; None for all."""
+        return None
+
+    def worth(self, chosen: tuple[int, ...], unit: Sequence[int]) -> float:
+        """Twice the log-likelihood ratio of some candidates beside those `chosen`, less the price of their columns."""
+        gained = float(self.beside((*chosen, *unit)).ml.max() - self.beside(chosen).ml.max())
+        return 2.0 * gained - float(np.log(self.problem.n)) * float(sum(self.problem.price[j] for j in unit))
 
     def _pair(self, chosen: tuple[int, ...], ranked: Sequence[int]) -> tuple[int, ...]:
         """Two effects in time that are significant only beside each other; either alone looks like a random walk."""
@@ -91,8 +102,8 @@ class TableJudge:
             for k in self._ranked((*chosen, j), "time"):
                 if self.candidates[k].effect.name == self.candidates[j].effect.name:
                     continue
-                p = self._adjusted((*chosen, j), k, ALPHA)
-                both = (p, self._adjusted((*chosen, k), j, ALPHA)) if p <= ALPHA else (p,)
+                p = self.adjusted((*chosen, j), k, ALPHA)
+                both = (p, self.adjusted((*chosen, k), j, ALPHA)) if p <= ALPHA else (p,)
                 if max(both) <= ALPHA and min(both) <= ALPHA / PAIRED:
                     return (j, k)
         return ()
@@ -111,16 +122,24 @@ class TableJudge:
         whole, rest = tuple(sorted(chosen)), tuple(k for k in chosen if k != j)
         if (whole, j) not in self._p:
             self._grid(whole)  # from which each of them is taken out
-            self._p[whole, j] = self._adjusted(rest, j)
+            self._p[whole, j] = 1.0 if self._refused(rest, j) else self.adjusted(rest, j)
         return self._p[whole, j]
 
     def significant(self, chosen: tuple[int, ...], j: int) -> bool:
         """Whether `j` counts as found beside the other `chosen`."""
-        return self._adjusted(tuple(k for k in chosen if k != j), j, ALPHA) <= ALPHA
+        rest = tuple(k for k in chosen if k != j)
+        return not self._refused(rest, j) and self.adjusted(rest, j, ALPHA) <= ALPHA
+
+    def _refused(self, chosen: tuple[int, ...], j: int) -> bool:
+        """Whether the coefficient of `j` beside those `chosen` has an impossible sign or size."""
+        if not self.candidates[j].sign and not np.isfinite(self.candidates[j].most):
+            return False
+        at = self.beside((*chosen, j)).best
+        return not self._possible(at, chosen, ranked(self.view(at), self.white(at, chosen), chosen))[j]
 
     def suspects(self, chosen: tuple[int, ...]) -> tuple[tuple[str, float], ...]:
         """The effects nearest to significance beside those `chosen`, with their p, nearest first."""
-        tried = [(self.candidates[j].effect.name, self._adjusted(chosen, j)) for j in self._ranked(chosen)]
+        tried = [(self.candidates[j].effect.name, self.adjusted(chosen, j)) for j in self._ranked(chosen)]
         best: dict[str, float] = {}
         for name, p in tried:
             best[name] = min(p, best.get(name, 1.0))
@@ -180,6 +199,10 @@ class TableJudge:
         if key not in self._besides:
             self._besides[key] = self._grid(key)[0].beside()
         return self._besides[key]
+
+    def each(self, terms: Sequence[int]) -> FloatArray:
+        """(G, q) restricted log-likelihoods beside the declared columns and each of some candidates of one column."""
+        return self._grid(())[0].each(self.problem.of(terms) / self.problem.sd[:, None])
 
     def _grid(self, key: Key) -> tuple[Grid, Key]:
         """Declared columns and some candidates whitened, with the held response; and the order of these candidates.
@@ -254,7 +277,11 @@ class TableJudge:
             )
         return self.families[at, rival]
 
-    def _adjusted(self, chosen: tuple[int, ...], j: int, most: float = np.inf) -> float:
+    def family_for(self, j: int, at: int, rival: Rivalry) -> TableFamily:
+        """The family in which candidate `j` is judged."""
+        return self.family(at, rival)
+
+    def adjusted(self, chosen: tuple[int, ...], j: int, most: float = np.inf) -> float:
         """Family-wise p of `j` beside those `chosen`; one above `most` need only be known to be above it.
 
         It has to be significant against the best-fitting noise without it. Or it has to be better than every slow walk,
@@ -290,10 +317,10 @@ class TableJudge:
         name, own = self.candidates[j].effect.name, float(evidence(np.array(f), rank, df))
         if own > CERTAIN and self._least is not None:
             return self._least
-        p = self.family(trial.without.best_of(possible[0]), rival).adjust(name, own, most)
+        p = self.family_for(j, trial.without.best_of(possible[0]), rival).adjust(name, own, most)
         if p > min(most, CLOSE) or rival == "slow":
             return p
-        return max(p, self.family(trial.without.slowest_of(possible[0]), rival).adjust(name, own, most))
+        return max(p, self.family_for(j, trial.without.slowest_of(possible[0]), rival).adjust(name, own, most))
 
     def _ranked(self, chosen: tuple[int, ...], source: str | None = None) -> Iterable[int]:
         """The best term of each promising effect, by evidence minus the price of its columns; with a `source`, those
@@ -307,6 +334,10 @@ class TableJudge:
         for at in dict.fromkeys((0, beside.best)):
             scores = ranked(self.view(at), self.white(at, chosen), chosen)
             worth = scores.evidence - per_column * self.problem.price
+            if self.problem.bounded:
+                worth = np.where(self._possible(at, chosen, scores), worth, -np.inf)
+            if (judged := self.judged(chosen)) is not None:
+                worth = np.where(judged, worth, -np.inf)
             best: dict[str, int] = {}
             for j in np.argsort(-worth, kind="stable").tolist():
                 if scores.ratio[j] > 0 and len(best) < SHORTLIST:
@@ -317,6 +348,17 @@ class TableJudge:
         for j in shortlist:
             shortlist[j] = self._trial(chosen, j).gained - per_column * float(self.problem.price[j])
         return sorted(shortlist, key=lambda j: -shortlist[j])
+
+    def _possible(self, at: int, chosen: tuple[int, ...], scores: Scores) -> BoolArray:
+        """(J,) candidates whose coefficient has a possible sign and size, within three standard errors."""
+        problem, view, y = self.problem, self.view(at), self.white(at, chosen)
+        taken = view.taken(chosen)
+        along = ((y - taken @ (taken.T @ y)) @ view.columns)[problem.start[:-1]]
+        t = np.sqrt(np.maximum(scores.ratio, 0.0))
+        gain, _ = view.gains(chosen, y)
+        size = np.divide(gain, np.abs(along), out=np.zeros_like(gain), where=along != 0.0)
+        small = size * (1.0 - SURE / np.maximum(t, SURE)) <= problem.most
+        return np.asarray(small & ~((problem.signs * along < 0.0) & (t > SURE)))
 
     @cached_property
     def _least(self) -> float | None:

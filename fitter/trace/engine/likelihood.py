@@ -108,6 +108,20 @@ class Grid:
             det_x, k = det_x + _log_det(triangle, log_length), k + extra.shape[1]
         return self._beside(rss, det_x, k)
 
+    def each(self, extra: FloatArray) -> FloatArray:
+        """(G, d) restricted log-likelihood with each of further columns (n, d) by itself, as `beside` has it."""
+        white = self.noise.whiten(np.arange(len(self.left)), extra)
+        length = np.maximum(np.linalg.norm(white, axis=1), _TINY)
+        units = _off(self.basis, white) / length[:, None, :]
+        size = np.sum(units**2, axis=1)
+        along = np.matmul(self.left[:, None], units)[:, 0]
+        kept = size > _ALIKE**2
+        fall = np.divide(along**2, size, out=np.zeros_like(size), where=kept)
+        n, k = self.left.shape[1], self.basis.shape[2] + 1
+        rss = np.maximum(np.sum(self.left**2, axis=1)[:, None] - fall, _TINY)
+        det_x = self._log_det_x[:, None] + np.log(np.maximum(size, _ALIKE**2)) + 2.0 * np.log(length)
+        return np.asarray(-0.5 * (max(n - k, 1) * np.log(rss) + self.noise.log_det[:, None] + det_x))
+
     def without(self, taken: IntArray) -> Likelihoods | None:
         """Likelihoods without some of the model's columns; None where these depend on each other.
 

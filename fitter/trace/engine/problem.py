@@ -35,11 +35,15 @@ class Candidate:
         effect: its entry in a catalogue, a `rig.fitter.effects.entry.Entry` of the kind.
         term: its columns.
         sensor: whose it is; None for all of the run, or for the only one.
+        sign: of the coefficient of its only column, +1 or -1; 0 if both are possible.
+        most: the largest possible size of that coefficient.
     """
 
     effect: Any
     term: TableTerm
     sensor: str | None = None
+    sign: int = 0
+    most: float = np.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +73,7 @@ class Problem:
         left_out: candidates that cannot be used in computation.
         sensors: of the run, each of which is searched: findings by chance are counted over all.
         quantities: recorded numbers, none of them constant.
+        effort: share of the work of a simulation that this one may take, among others of the same run.
     """
 
     y: FloatArray
@@ -81,6 +86,7 @@ class Problem:
     left_out: tuple[NotKept, ...] = ()
     sensors: int = 1
     quantities: Quantities | None = None
+    effort: float = 1.0
 
     @property
     def n(self) -> int:
@@ -125,6 +131,21 @@ class Problem:
             if end - ends[-1] >= max(WIDE, AT_ONCE // self.n) or end == self.start[-1]:
                 ends.append(end)
         return [slice(one, other) for one, other in pairwise(ends)]
+
+    @cached_property
+    def signs(self) -> FloatArray:
+        """(J,) `Candidate.sign`."""
+        return np.array([c.sign for c in self.candidates], np.float64)
+
+    @cached_property
+    def most(self) -> FloatArray:
+        """(J,) `Candidate.most`."""
+        return np.array([c.most for c in self.candidates], np.float64)
+
+    @cached_property
+    def bounded(self) -> bool:
+        """Whether any candidate has a sign or a largest size."""
+        return bool(np.any(self.signs) or np.any(np.isfinite(self.most)))
 
     @cached_property
     def price(self) -> FloatArray:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Products, Rival, rivals, simplest
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.signs import SURE, Impossible
-from rig.procedures.pressure.trace.null import Families
+from rig.procedures.pressure.trace.null import Families, family_of
 from rig.procedures.pressure.trace.problem import Candidate, Problem
 from rig.procedures.pressure.trace.score import NOTHING_LEFT, Beside, Scores, beside, score
 from rig.procedures.pressure.trace.strata import Level
@@ -79,6 +79,10 @@ class WholePlotJudge:
         scores = score(self.problem, others, (j,))
         return 1.0 if self.wrong(scores)[j] else self.family.adjusted(float(scores.p[j]), j)
 
+    def is_bound(self, p: float, terms: Sequence[int]) -> bool:
+        """Whether no simulated run had such a score as these terms, of which p is the smallest."""
+        return p <= min(map(self.family.least, terms))
+
     def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
         """Candidates that are significant beside those `chosen`, except for their required sign."""
         if not np.any(self.signs):
@@ -102,6 +106,10 @@ class WholePlotJudge:
     def alike(self, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
         """The same without most that are not aliases."""
         return self._rivals(chosen, effect, DELTA)
+
+    def rows(self, rest: Problem, kept: IntArray, chosen: Iterable[int]) -> WholePlotJudge:
+        """The same for the `rest` of the run, of the rows `kept`."""
+        return replace(self, problem=rest)
 
     def _rivals(self, chosen: tuple[int, ...], effect: str, within: float) -> tuple[Rival, ...]:
         problem, every = self.problem, np.arange(len(self.candidates))
@@ -166,3 +174,12 @@ class WholePlotJudge:
         length = np.linalg.norm(self.problem.length_at[level][:, mine] / stratum.sigma[:, None], axis=0)
         left = np.sqrt(np.einsum("smj,smj->j", stratum.white.columns, stratum.white.columns))
         return np.asarray(left > NOTHING_LEFT * length)
+
+
+Judging = Callable[[Problem, FloatArray, "WholePlotJudge | None"], WholePlotJudge]
+"""Makes the judge of a run, given (n,) its pressure, and a judge of the same run with other weights, if any."""
+
+
+def by_strata(seed: int) -> Judging:
+    """Judges that hold each candidate against the error of its stratum; `seed` is of the simulated null."""
+    return lambda run, pressure_psia, known: WholePlotJudge(run, family_of(run, seed))

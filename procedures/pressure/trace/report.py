@@ -265,7 +265,7 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
             {term: c.stderr for term, c in coefficients.items()},
         ),
         p_adjusted=p,
-        p_adjusted_is_bound=p <= min(map(finding.judge.family.least, mine)),
+        p_adjusted_is_bound=finding.judge.is_bound(p, mine),
         share=0.0,  # together for all effects: `_shares`
         aliases=tuple(other.name for other in alike),
         separation=separation(explanations, name),

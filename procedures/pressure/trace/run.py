@@ -19,9 +19,9 @@ from rig.procedures.pressure.fit import HIERARCHICAL, named_formula
 from rig.procedures.pressure.fit.models import check_determined
 from rig.procedures.pressure.trace.agreement import named
 from rig.procedures.pressure.trace.estimate import coefficients_of, contributed, estimate, never_above
-from rig.procedures.pressure.trace.judge import WholePlotJudge
-from rig.procedures.pressure.trace.null import Families
-from rig.procedures.pressure.trace.problem import Problem, pose
+from rig.procedures.pressure.trace.judge import WholePlotJudge, by_strata
+from rig.procedures.pressure.trace.posed import judged
+from rig.procedures.pressure.trace.problem import pose
 from rig.procedures.pressure.trace.report import Finding, transducer
 from rig.procedures.pressure.trace.result import WholePlotTrace
 from rig.procedures.pressure.trace.settle import settle
@@ -38,6 +38,7 @@ def trace_whole_plots(
     seed: int = SEED,
     *,
     validate: bool = True,
+    pooled: bool = False,
 ) -> WholePlotTrace:
     """Find effects missing in the declared model of pressure transducers.
 
@@ -47,6 +48,8 @@ def trace_whole_plots(
             search could only restore its terms.
         catalogue: effects to search.
         seed: of the simulated null; the same data and seed give the same result.
+        pooled: search with the engine of all kinds (`rig.fitter.trace.engine`), which estimates both strata's errors
+            anew with every candidate; for comparisons until it is the only one.
         validate: repeat the search without each whole plot for the left-out error, which takes most of the time.
 
     Raises:
@@ -59,10 +62,10 @@ def trace_whole_plots(
     check_determined(data, formula)
     scene = scene_of(data)
     whole = pose(data, names, declared, scene, catalogue)
-    settled = settle(data.pressure_psia, whole, seed)
+    settled = settle(data.pressure_psia, whole, judged if pooled else by_strata(seed))
     problem, found = settled.problem, settled.chosen
     before, after = estimate(replace(problem, weight=np.ones_like(problem.weight)), ()), estimate(problem, found)
-    judge = WholePlotJudge(problem, settled.families)
+    judge = settled.judge
     taken_out = never_above(judge, before, after)
     finding = Finding(
         data=data.take(settled.kept),
@@ -77,7 +80,7 @@ def trace_whole_plots(
         every=whole,
         look=settled.look,
         not_kept=settled.not_kept,
-        cv=left_out(problem, settled.families, found) if validate else None,
+        cv=left_out(judge, found) if validate else None,
     )
     wrong = refusals(finding.judge, found, finding.classes, scene.sensitivity)
     sensors = {
@@ -110,12 +113,13 @@ def scene_of(data: WholePlotData) -> PressureScene:
     )
 
 
-def left_out(problem: Problem, family: Families, found: tuple[int, ...]) -> FloatArray | None:
+def left_out(judge: WholePlotJudge, found: tuple[int, ...]) -> FloatArray | None:
     """(2, S) rms error of left-out whole plots, mV, before and after; None if too few remain.
 
     The search is repeated without the left-out whole plots, whose own errors are predicted as zero: one at a time, or
     `FOLDS` times several. Without findings there is no repetition.
     """
+    problem = judge.problem
     squares = np.zeros((2, len(problem.sensors)))
     fold = problem.whole_plot % FOLDS
     for left in range(int(fold.max()) + 1):
@@ -123,7 +127,7 @@ def left_out(problem: Problem, family: Families, found: tuple[int, ...]) -> Floa
         rest = problem.take(inside)
         try:
             design = SplitPlotDesign(rest.declared, rest.whole_plot, rest.names)
-            chosen = named(WholePlotJudge(rest, family)) if found else ()
+            chosen = named(judge.rows(rest, inside, found)) if found else ()
             coefficients = coefficients_of(rest, chosen)
             plain = design.fit_many(rest.outputs.T).coefficients
             beside_effects = design.fit_many((rest.outputs - contributed(rest, coefficients)).T).coefficients

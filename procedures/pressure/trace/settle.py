@@ -18,9 +18,8 @@ from rig.fitter.trace.not_kept import NotKept
 from rig.fitter.trace.search import prune
 from rig.procedures.pressure.trace.agreement import named
 from rig.procedures.pressure.trace.estimate import error_of, estimate
-from rig.procedures.pressure.trace.judge import WholePlotJudge
+from rig.procedures.pressure.trace.judge import Judging, WholePlotJudge
 from rig.procedures.pressure.trace.memory import SEEMS, Memory, memories
-from rig.procedures.pressure.trace.null import Families, family_of
 from rig.procedures.pressure.trace.outliers import Outliers, outliers
 from rig.procedures.pressure.trace.problem import Problem
 from rig.procedures.pressure.trace.weights import noises, stands_out, weighted, weights_of
@@ -63,7 +62,7 @@ class Settled:
 
     Attributes:
         problem: the searched problem.
-        families: of the search.
+        judge: of the search.
         chosen: candidates found.
         look: the noise with them.
         kept: (m,) rows of the whole run in the problem.
@@ -71,36 +70,36 @@ class Settled:
     """
 
     problem: Problem
-    families: Families
+    judge: WholePlotJudge
     chosen: tuple[int, ...]
     look: Look
     kept: IntArray
     not_kept: tuple[NotKept, ...]
 
 
-def settle(pressure_psia: FloatArray, whole: Problem, seed: int) -> Settled:
+def settle(pressure_psia: FloatArray, whole: Problem, judging: Judging) -> Settled:
     """Find the terms that belong in the model.
 
     Args:
         pressure_psia: (n,) of the whole run.
         whole: the original run.
-        seed: of the simulated null.
+        judging: makes a judge of a run.
     """
     count = len(whole.sensors)
     none = Outliers(np.zeros(0, np.int64), *(np.zeros((count, 0)) for _ in range(3)))
     held = Look(whole, (), (False,) * count, (), none)
-    families = family_of(whole, seed)
-    chosen = named(WholePlotJudge(whole, families))
+    judge = judging(whole, pressure_psia, None)
+    chosen = named(judge)
     for _ in range(ROUNDS):
         look = _look(pressure_psia, whole, chosen, held)
         if look.asks_for_the_same(held):
             break
-        held, families = look, family_of(look.problem, seed)
-        judge = WholePlotJudge(look.problem, families)
+        rows = np.setdiff1d(np.arange(pressure_psia.size), look.aside.rows)
+        held, judge = look, judging(look.problem, pressure_psia[rows], judge)
         chosen = named(judge, prune(judge, chosen))
-    chosen, not_kept = stays(WholePlotJudge(held.problem, families), chosen)
+    chosen, not_kept = stays(judge, chosen)
     rows = np.setdiff1d(np.arange(whole.outputs.shape[1]), held.aside.rows)
-    return Settled(held.problem, families, chosen, replace(look, aside=held.aside, grows=held.grows), rows, not_kept)
+    return Settled(held.problem, judge, chosen, replace(look, aside=held.aside, grows=held.grows), rows, not_kept)
 
 
 def stays(judge: WholePlotJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:

@@ -1,0 +1,177 @@
+"""A whole-plot run posed for the engine: the components of its error, and every candidate as a block of columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.engine.components import Components
+from rig.fitter.trace.engine.family import TableFamily
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.noise import BoolArray
+from rig.fitter.trace.engine.problem import Candidate
+from rig.fitter.trace.engine.problem import Problem as Blocks
+from rig.fitter.trace.engine.rivalry import Rivalry
+from rig.fitter.trace.engine.score import ranked
+from rig.fitter.trace.engine.sensors import OfSensor, RunJudge, Stacked, Together
+from rig.fitter.trace.engine.shared import scale_of
+from rig.fitter.trace.engine.term import Profile, TableTerm
+from rig.fitter.trace.signs import Impossible
+from rig.procedures.pressure.trace.judge import WholePlotJudge
+from rig.procedures.pressure.trace.null import Families, shares
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.score import score
+
+NEAR = 6.0
+"""Log-likelihood by which a covariance may be behind the best beside the model, or beside one of `TRIED` candidates."""
+TRIED = 10
+
+
+@dataclass(frozen=True, eq=False)
+class PosedJudge(WholePlotJudge):
+    """The same judge with the search of the engine: every candidate beside the error estimated with it."""
+
+    engine: RunJudge
+
+    def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
+        """The most evident candidate beside those `chosen`, among the significant ones."""
+        return self.engine.best(chosen)
+
+    def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
+        """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
+        return self.engine.p_adjusted(chosen, j)
+
+    def is_bound(self, p: float, terms: Sequence[int]) -> bool:
+        """Whether no simulated run had such a score."""
+        return self.engine.is_bound(p)
+
+    def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
+        """Candidates that are significant beside those `chosen`, except for their required sign."""
+        if not np.any(self.signs):
+            return ()
+        scores = score(self.problem, chosen)
+        clearest: dict[tuple[str, str | None], int] = {}
+        for j in sorted(np.flatnonzero(self.wrong(scores)).tolist(), key=lambda j: -abs(float(scores.t[j]))):
+            clearest.setdefault((self.candidates[j].effect.name, self.candidates[j].sensor), j)
+        wrong = [j for j in clearest.values() if self.engine.p_unsigned(chosen, j) <= ALPHA]
+        value, error = scores.gamma, np.abs(scores.gamma) / np.maximum(np.abs(scores.t), np.finfo(float).tiny)
+        return tuple(Impossible(j, float(value[j]), float(error[j])) for j in wrong)
+
+    def rows(self, rest: Problem, kept: IntArray, chosen: Iterable[int]) -> PosedJudge:
+        """The same for some of the rows."""
+        return replace(self, problem=rest, engine=self.engine.rows(kept, chosen))
+
+
+def judged(run: Problem, pressure_psia: FloatArray, known: WholePlotJudge | None) -> PosedJudge:
+    """The judge of a run that the engine searches; see `Judging`."""
+    engine = known.engine if isinstance(known, PosedJudge) else None
+    return PosedJudge(run, Families({}, run.judged_at, shares(run)), posed(run, pressure_psia, engine))
+
+
+def posed(run: Problem, pressure_psia: FloatArray, known: RunJudge | None) -> RunJudge:
+    """The run for the engine.
+
+    Args:
+        run: with its weights.
+        pressure_psia: (n,) over which whole plots may have slopes.
+        known: the same run with other weights: its covariances and its simulations are used again. Scores are nearly
+            pivotal: weights of readings hardly change how they are distributed by chance.
+    """
+    count = len(run.sensors)
+    commons = [j for j, c in enumerate(run.candidates) if c.sensor is None]
+    candidates = tuple(_candidate(run, j, np.empty((0, 1))) for j in range(len(run.candidates)))
+    noises = [
+        Components.of(run.whole_plot, run.order, pressure_psia, scale_of(run.whole_plot, y, run.declared))
+        for y in run.outputs
+    ]
+    own = [
+        np.array([j for j, c in enumerate(run.candidates) if c.sensor == s or (c.sensor is None and count == 1)], int)
+        for s in run.sensors
+    ]
+    sd = 1.0 / np.sqrt(run.weight)
+    sd /= np.exp(np.mean(np.log(sd), axis=1))[:, None]
+    families = count + bool(commons) if count > 1 else 1
+    made = [
+        Blocks(
+            y=run.outputs[i],
+            declared=run.declared,
+            candidates=tuple(_candidate(run, int(j), run.raw[i][:, [j]]) for j in own[i]),
+            noise=noises[i].over(sd[i]),
+            sd=sd[i],
+            ordered=False,
+            sensors=families,
+            effort=1.0 / count,
+        )
+        for i in range(count)
+    ]
+    same = known is not None and known.alone[0].problem.n == len(pressure_psia)
+    before = known if same else None
+    kept = np.any([_near(one) for one in made], axis=0) if before is None else before.covariances
+    noises = [noise.among(kept) for noise in noises]
+    simulated: dict[bytes, dict[tuple[int, Rivalry], TableFamily]] = {}
+    alone = [
+        OfSensor(
+            replace(one, noise=noise.over(one.sd)),
+            simulated.setdefault(noise.grid.tobytes(), {}) if before is None else before.alone[i].families,
+        )
+        for i, (one, noise) in enumerate(zip(made, noises, strict=True))
+    ]
+    together = None
+    if count > 1 and commons:
+        families_of_all = {} if before is None or before.together is None else before.together.families
+        together = Together(_stacked(run, alone, noises, sd), families_of_all, alone=tuple(alone))
+    return RunJudge(candidates, tuple(alone), tuple(own), together, kept)
+
+
+def _stacked(run: Problem, alone: Sequence[TableJudge], noises: Sequence[Components], sd: FloatArray) -> Blocks:
+    """All transducers, each over its error, with offsets as far as each of them has."""
+    count = len(alone)
+    likely = [one.beside(()) for one in alone]
+    sigma = np.sqrt([one.sigma2[one.best] for one in likely])
+    offsets = np.array([one.grid[b.best, 0] for one, b in zip(noises, likely, strict=True)])
+    offsets = np.maximum(offsets, offsets.max() / 20.0) if offsets.max() > 0.0 else np.ones(count)
+    offsets /= np.exp(np.mean(np.log(offsets)))
+    each = (sd * sigma[:, None]).ravel()
+    each /= np.exp(np.mean(np.log(each)))
+    parts = tuple(one.stretched(float(o)) for one, o in zip(noises, offsets, strict=True))
+    return Blocks(
+        y=run.outputs.ravel(),
+        declared=np.asarray(np.kron(np.eye(count), run.declared), np.float64),
+        candidates=tuple(_candidate(run, j, run.raw[:, :, j].reshape(-1, 1)) for j in range(len(run.candidates))),
+        noise=Stacked(parts, (run.outputs.shape[1],) * count).over(each),
+        sd=each,
+        ordered=False,
+        sensors=alone[0].problem.sensors,
+        effort=1.0 / count,
+    )
+
+
+def _candidate(run: Problem, j: int, columns: FloatArray) -> Candidate:
+    one = run.candidates[j]
+    term = TableTerm((one.term.name,), columns)
+    if one.effect.searched:
+        term = replace(term, profile=Profile(float(j), float(j), float(j), lambda _: term))
+    return Candidate(one.effect, term, one.sensor, one.effect.sign(one.term.name), one.effect.at_most)
+
+
+def _near(problem: Blocks) -> BoolArray:
+    """(G,) covariances that are near the best beside the declared model, or beside a candidate, and the first."""
+    judge = TableJudge(problem)
+    plain = judge.beside(())
+    kept = plain.reml > plain.reml.max() - NEAR
+    kept[0] = True
+    tried: dict[int, None] = {}
+    for at in dict.fromkeys((0, plain.best)):
+        worth = ranked(judge.view(at), judge.white(at, ()), ()).evidence
+        best: dict[str, int] = {}
+        for j in np.argsort(-worth, kind="stable").tolist():
+            best.setdefault(problem.candidates[j].effect.name, j)
+            if len(best) == TRIED:
+                break
+        tried |= dict.fromkeys(best.values())
+    reml = judge.each(list(tried))
+    return np.asarray(kept | np.any(reml > reml.max(axis=0) - NEAR, axis=1))

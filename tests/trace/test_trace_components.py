@@ -1,0 +1,110 @@
+"""Components of the error of rows in groups: offsets, slopes, memory; and several sensors judged together."""
+
+import numpy as np
+import pytest
+
+from rig.fitter.trace.engine.components import PRICE, Components
+from rig.fitter.trace.engine.likelihood import Grid
+from rig.fitter.trace.engine.sensors import Stacked
+
+GROUPS, ROWS = 6, 5
+
+
+def made(seed=1, *, weighted=True):
+    rng = np.random.default_rng(seed)
+    order, pressure = rng.permutation(GROUPS * ROWS), rng.uniform(0.0, 10.0, GROUPS * ROWS)
+    noise = Components.of(np.repeat(np.arange(GROUPS), ROWS), order, pressure)
+    return (noise.over(np.exp(0.3 * rng.standard_normal(order.size))) if weighted else noise), order
+
+
+def dense(noise, order, at):
+    """The covariance by its definition, row by row."""
+    offset, slope, memory = noise.grid[at]
+    n = order.size
+    out = np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            if noise.group[i] != noise.group[j]:
+                continue
+            mine = np.sort(order[noise.group == noise.group[i]])
+            apart = abs(int(np.searchsorted(mine, order[i])) - int(np.searchsorted(mine, order[j])))
+            shared = offset + slope * noise.variable[i] * noise.variable[j]
+            out[i, j] = memory**apart + shared / (noise.sd[i] * noise.sd[j])
+    return out
+
+
+def some_of(noise):
+    """Covariances with none, one, two and all of the components."""
+    kinds = sorted({tuple(row > 0.0) for row in noise.grid})
+    return [int(np.argmax(np.all((noise.grid > 0.0) == kind, axis=1))) for kind in kinds]
+
+
+def test_whitening_is_that_of_the_covariance():
+    noise, order = made()
+    one = np.eye(order.size)
+    for at in some_of(noise):
+        covariance, white, colour = dense(noise, order, at), noise.whiten(np.array([at]), one)[0], noise.colour(at, one)
+        assert white @ covariance @ white.T == pytest.approx(one, abs=1e-10)
+        assert colour @ colour.T == pytest.approx(covariance, abs=1e-10)
+        assert noise.back(at, one) == pytest.approx(white.T, abs=1e-10)
+        assert noise.root(at, one) == pytest.approx(colour.T, abs=1e-10)
+        assert noise.variances(at) == pytest.approx(np.diag(covariance))
+        price = 2.0 * PRICE * np.count_nonzero(noise.grid[at, 1:])
+        assert noise.log_det[at] == pytest.approx(np.linalg.slogdet(covariance)[1] + price)
+
+
+def test_the_first_covariance_is_that_of_independent_rows():
+    assert np.all(made()[0].grid[0] == 0.0)
+
+
+def test_a_row_that_is_left_out_is_remembered_by_none():
+    """The row behind it follows the one before, as if it came directly after."""
+    noise, order = made(weighted=False)
+    first = np.flatnonzero(noise.group == 0)[np.argsort(order[noise.group == 0])]
+    kept = np.setdiff1d(np.arange(order.size), first[1:3])
+    some = noise.rows(kept)
+    number = {int(row): i for i, row in enumerate(kept)}
+    assert some.before[number[int(first[3])]] == number[int(first[0])]
+    assert np.array_equal(np.bincount(some.group), [ROWS - 2] + [ROWS] * (GROUPS - 1))
+
+
+def test_groups_without_a_variable_have_no_slopes():
+    noise = Components.of(np.repeat(np.arange(3), 4), np.arange(12), np.ones(12))
+    assert not np.any(noise.grid[:, 1])
+
+
+def test_many_columns_are_tried_as_each_by_itself():
+    noise, order = made()
+    rng = np.random.default_rng(2)
+    y, model, more = (rng.standard_normal(shape) for shape in (order.size, (order.size, 2), (order.size, 3)))
+    grid = Grid.of(noise, y, model)
+    each = grid.each(more)
+    for k in range(3):
+        assert each[:, k] == pytest.approx(grid.beside(more[:, [k]]).reml, rel=1e-10)
+
+
+def test_likelihood_finds_what_was_drawn():
+    """Twenty groups of eleven rows, as a night has them; the middle of forty estimates."""
+    rng, group, x = np.random.default_rng(3), np.repeat(np.arange(20), 11), np.tile(np.linspace(-1.0, 1.0, 11), 20)
+    noise = Components.of(group, np.arange(220), x)
+    truth = int(np.argmin(np.abs(noise.grid - [2.5, 4.0, 0.55]).sum(axis=1)))
+    drawn = noise.colour(truth, rng.standard_normal((220, 40)))
+    model = np.column_stack([np.ones(220), x])
+    found = np.array([noise.grid[Grid.of(noise, y, model).beside().best] for y in drawn.T])
+    assert np.median(found, axis=0) == pytest.approx(noise.grid[truth], rel=0.7)
+
+
+def test_sensors_one_after_the_other_are_independent():
+    one, order = made(1)
+    other, _ = made(2)
+    both = Stacked((one, other), (order.size, order.size))
+    columns = np.random.default_rng(4).standard_normal((2 * order.size, 3))
+    at = 40
+    apart = [
+        part.whiten(np.array([at]), rows)[0] for part, rows in zip((one, other), np.split(columns, 2), strict=True)
+    ]
+    assert both.whiten(np.array([at]), columns)[0] == pytest.approx(np.vstack(apart))
+    assert both.log_det == pytest.approx(one.log_det + other.log_det)
+    assert both.whiten(np.array([at]), both.colour(at, columns))[0] == pytest.approx(columns)
+    kept = np.array([0, 3, 7, order.size + 2, order.size + 9])
+    assert both.rows(kept).rows_of == (3, 2)

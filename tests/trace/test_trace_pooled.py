@@ -1,0 +1,77 @@
+"""Whole plots searched by the engine of all kinds: signs and sizes, one sensor and several."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from proving.truth.whole_plot import Bench, Transducer, simulate
+from proving.truth.whole_plot_hidden import hide
+from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.noise import Independent
+from rig.fitter.trace.engine.problem import Candidate, Problem
+from rig.fitter.trace.engine.term import TableTerm
+from rig.procedures.pressure.trace import trace_whole_plots
+
+N = 60
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What an engine needs of an entry."""
+
+    name: str
+    source: str = "setting"
+
+
+def judge_of(sign=0, most=np.inf):
+    """One candidate whose coefficient is 2 in units of its column."""
+    rng = np.random.default_rng(5)
+    x = rng.standard_normal(N)
+    one = Candidate(Effect("bend"), TableTerm(("x",), x[:, None]), None, sign, most)
+    y = 2.0 * x + rng.standard_normal(N)
+    return TableJudge(Problem(y, np.ones((N, 1)), (one,), Independent(N), np.ones(N), ordered=False))
+
+
+@pytest.mark.parametrize(
+    ("sign", "most", "found"), [(0, np.inf, True), (1, 3.0, True), (-1, np.inf, False), (0, 1.0, False)]
+)
+def test_a_coefficient_of_an_impossible_sign_or_size_is_no_finding(sign, most, found):
+    judge = judge_of(sign, most)
+    assert judge.best(()) == ((0,) if found else ())
+    assert (judge.p_adjusted((0,), 0) <= ALPHA) == found
+    assert judge.significant((0,), 0) == found
+    assert judge.adjusted((), 0) <= ALPHA  # but for that
+
+
+def named(found):
+    return {(s, e.effect) for s, t in found.sensors.items() for e in t.effects if e.stratum != "noise"}
+
+
+def test_a_step_between_whole_plots_is_seen_nearer_to_their_error():
+    """1.5 sd of a whole plot: both strata know of it, and the error of whole plots is estimated with it."""
+    hidden = hide(["interruption"], [1.5], seed=3, transducers=1)
+    by_strata, pooled = (trace_whole_plots(hidden.data, hidden.model, validate=False, pooled=p) for p in (False, True))
+    assert named(by_strata) == set()
+    (effect,) = (e for e in pooled.sensors["bridge_1_mV"].effects if e.stratum != "noise")
+    assert "offset-step" in (effect.effect, *effect.aliases)
+
+
+def test_the_error_on_left_out_whole_plots_is_that_of_the_same_search():
+    hidden = hide(["hysteresis"], [0.6], seed=3, transducers=1)
+    found = trace_whole_plots(hidden.data, hidden.model, pooled=True).sensors["bridge_1_mV"]
+    assert [effect.effect for effect in found.effects] == ["hysteresis"]
+    assert found.after.cv_rms < found.before.cv_rms
+
+
+@pytest.mark.parametrize(
+    ("bench", "expected"),
+    [
+        (Bench(3 * (Transducer(),), carry_over=6e-4), {(f"bridge_{k}_mV", "carry-over") for k in (1, 2, 3)}),
+        (Bench((Transducer(), Transducer(creep=1.5e-3), Transducer())), {("bridge_2_mV", "creep")}),
+    ],
+    ids=["of the line", "of one transducer"],
+)
+def test_transducers_tell_the_line_from_themselves(bench, expected):
+    assert named(trace_whole_plots(simulate(bench, seed=1), validate=False, pooled=True)) == expected
