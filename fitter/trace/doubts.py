@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rig.fitter.quantiles import t_tail
+
 DOUBT = 1e-2
 """Probability of a remainder at the place of an effect, below which the effect is doubtful."""
 CHANGES = 1e-3
@@ -23,6 +25,15 @@ whole plots, wrong names with 0.008 to 0.03 stood in 4 of 42 runs."""
 def by_chance(p: float) -> str | None:
     """Sentence about a finding that chance gives now and then; None where it hardly does."""
     return f"chance alone would show as much in {1000.0 * p:.0f} of 1,000 runs" if p > CHANCE else None
+
+
+def beyond_chance(coefficients: Sequence[float], errors: Sequence[float], df: float | None, tried: int) -> bool:
+    """Whether a probability that is only a bound, by the number of simulated runs, stands for one that is no doubt.
+
+    By the largest of some coefficients in standard errors, over all that were tried (Bonferroni).
+    """
+    known = [abs(c / e) for c, e in zip(coefficients, errors, strict=True) if e > 0.0]
+    return df is not None and bool(known) and tried * t_tail(max(known), df) <= CHANCE
 
 
 def something_left(place: str, p: float) -> str:

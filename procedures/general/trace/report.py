@@ -10,9 +10,8 @@ import numpy as np
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.effects.noise import AUTOCORRELATION
 from rig.fitter.linear import orthonormal
-from rig.fitter.quantiles import t_tail
 from rig.fitter.trace.aliases import DELTA
-from rig.fitter.trace.doubts import CHANCE, MANY, beside_a_wander, by_chance, several_causes
+from rig.fitter.trace.doubts import MANY, beside_a_wander, beyond_chance, by_chance, several_causes
 from rig.fitter.trace.engine.both import Both
 from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.judge import TableJudge
@@ -130,18 +129,9 @@ def _doubt(effect: FoundTableEffect, wandering: Collection[str], tried: int) -> 
         return several_causes(effect.other_causes + 1)
     if effect.effect in wandering:
         return beside_a_wander()
-    return None if _beyond_chance(effect, tried) else by_chance(effect.p_adjusted)
-
-
-def _beyond_chance(effect: FoundTableEffect, tried: int) -> bool:
-    """Whether a probability that is only a bound, by the number of simulated tables, stands for a smaller one.
-
-    By its largest coefficient, in standard errors, over all that were tried (Bonferroni).
-    """
-    known = [abs(c / e) for c, e in zip(effect.coefficients, effect.given, strict=True) if e > 0.0]
-    if not effect.p_adjusted_is_bound or effect.df is None or not known:
-        return False
-    return tried * t_tail(max(known), effect.df) <= CHANCE
+    if effect.p_adjusted_is_bound and beyond_chance(effect.coefficients, effect.given, effect.df, tried):
+        return None
+    return by_chance(effect.p_adjusted)
 
 
 def _variables(data: TableData) -> dict[str, FloatArray]:

@@ -14,7 +14,16 @@ from rig.fitter.effects.entry import Entry
 from rig.fitter.formula import Formula
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import Rival, separation
-from rig.fitter.trace.doubts import MANY, another_law, by_chance, error_rises, one_apart, several_causes, something_left
+from rig.fitter.trace.doubts import (
+    MANY,
+    another_law,
+    beyond_chance,
+    by_chance,
+    error_rises,
+    one_apart,
+    several_causes,
+    something_left,
+)
 from rig.fitter.trace.found import Unnamed, verdict
 from rig.fitter.trace.lines import CLEAR
 from rig.fitter.trace.not_kept import NotKept, for_others, left_to_whole_plots
@@ -183,6 +192,9 @@ def _doubt(finding: Finding, effect: FoundPressureEffect, i: int) -> str | None:
     said = said or of_alias(finding.unmodelled, effect.aliases, i, partial(_doubt_in, finding))
     if said is None and _stays_in(finding, effect, i):
         return error_rises()
+    tried = len(finding.judge.candidates)
+    if effect.p_adjusted_is_bound and beyond_chance(effect.coefficients, effect.stderr, min(effect.df), tried):
+        return said
     return said or by_chance(effect.p_adjusted)
 
 
