@@ -143,6 +143,8 @@ def lag(scene: TableScene, name: str) -> Terms:
     session = _session(scene)
     breaks = interruptions(session, MOST_INTERRUPTIONS)
     stood, at_rest = scene.stood(name), middle(v)
+    if stood is not None and (stood.start is None or np.isnan(stood.start[0])):
+        breaks = (0, *breaks)  # the first row remembers a setting that nobody read
 
     def at(tau: float) -> TableTerm:
         tau = rounded(tau, tau)

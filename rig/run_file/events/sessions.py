@@ -167,8 +167,9 @@ class Identified(Event, kind="identity"):
     replaces: Mapping[str, Any] | None = None
 
     def body(self) -> dict[str, Any]:
-        """See `Event.body`; unknown values are null."""
-        return {name: value for name, value in vars(self).items() if name != "instrument"}
+        """See `Event.body`; unknown values are null. A record of real instruments does not speak of simulators."""
+        left = {"instrument"} if self.simulated else {"instrument", "simulated"}
+        return {name: value for name, value in vars(self).items() if name not in left}
 
     @property
     def words(self) -> str:
