@@ -38,6 +38,7 @@ _COMMANDED = {
 """Messages and signals of a unit that measures on command."""
 
 _SESSIONS, _MOST_SWEEPS = 15, 65_535
+"""Numbers that fit into the four and sixteen bits of their signals; see `contracts/can_daq.dbc`."""
 
 
 class CanDaq:

@@ -47,6 +47,7 @@ _REACHED, _ACKNOWLEDGED, _HOMED_NOW, _HOMING_ERROR = 1 << 10, 1 << 12, 1 << 12, 
 _DISABLE, _HOLD, _GO, _HOME, _HALT, _QUICK_STOP, _RESET = 0x07, 0x0F, 0x3F, 0x1F, 0x10F, 0x02, 0x80
 _POLL_S = 0.01
 _ENABLE_S, _ACKNOWLEDGE_S, _STANDSTILL_S, _MODE_S = 2.0, 0.5, 5.0, 1.0
+"""Longest waits for a drive, seconds; chosen."""
 
 
 @dataclass
@@ -217,11 +218,12 @@ class CiA402Pair:
         for _, axis, counts in moving:
             axis.node.write(TARGET, counts)
             axis.target_deg, axis.near_since = counts / self._options.counts_per_degree, None
+        # All targets first, then the starts: the axes begin together, one message apart.
         for _, axis, _ in moving:
             axis.node.write(CONTROLWORD, _GO)
         for name, axis, _ in moving:
             self._acknowledged(name, axis)
-            axis.node.write(CONTROLWORD, _HOLD)
+            axis.node.write(CONTROLWORD, _HOLD)  # a new set-point is taken at the rising edge of its bit
 
     def read(self) -> Mapping[str, AxisState]:
         """See `Head.read`. Two exchanges per axis."""
@@ -333,7 +335,7 @@ class CiA402Pair:
         """Bring a drive to a state without motion: reset the fault, clear set-points and halt."""
         state = state_of(self._status(axis))
         if state == "fault":
-            axis.node.write(CONTROLWORD, 0)
+            axis.node.write(CONTROLWORD, 0)  # a reset is the rising edge of bit 7, which may be set already
             axis.node.write(CONTROLWORD, _RESET)
             state = state_of(self._status(axis))
             if state == "fault":

@@ -50,8 +50,8 @@ _COSTS: dict[tuple[int, int], str] = {
 _SUPPLIED = (0x0, 0x402)
 _COUNTS_PER_DEGREE = 36000.0  # of the supplied EDS
 _READ_ONLY = (ERROR_CODE, VELOCITY)
-_COARSE = 0.01  # relative change by rounding above which a remark is made
-_SAME = 1e-3
+_COARSE = 0.01  # relative change by rounding above which a remark is made; chosen
+_SAME = 1e-3  # relative difference of two statements of one ratio, each with its printed digits; chosen
 
 
 class CiA402Options(BaseModel, extra="forbid"):
@@ -84,7 +84,7 @@ class CiA402Options(BaseModel, extra="forbid"):
     following_error_deg: float = Field(0.5, gt=0, description="following error at which the drive faults")
     homed_bit: Literal[0, 8, 14, 15] | None = Field(
         None,
-        description="statusword bit that means homed; 0 if there is none,  "
+        description="statusword bit that means homed; 0 if there is none, "
         "as with any other EDS than the supplied one, whose drives have bit 15",
     )
     pitch_deg: tuple[float, float] = Field((-190.0, 190.0), description="limits of pitch: lowest, highest")

@@ -22,14 +22,14 @@ from rig.drivers.roles import Identity, PressureState
 from rig.drivers.scpi import PREPARED
 from rig.drivers.wires import SerialSettings, Wires
 
-_READBACK = 1e-5
-_PRESSURE_READBACK_PSI = 2e-5
-_SATURATED_PCT = 95.0
+_READBACK = 1e-5  # relative: settings are sent with seven digits
+_PRESSURE_READBACK_PSI = 2e-5  # chosen: some of the last printed digits of a setpoint
+_SATURATED_PCT = 95.0  # control effort of a valve that is fully open, but for noise; chosen
 _AT_AMBIENT_PSI = 0.3  # here the valve to the atmosphere may open without a shock
 _VENTED_PSI = 0.5  # a larger difference from the atmosphere after a vent is trapped pressure
 _ACTIVE = ("ACT", "ACTIVE")  # controls to the setpoint; in its other modes it may only measure
 _VENT_S = 60.0  # for the vent itself, in addition to the slew
-_POLL_S = 1.0
+_POLL_S = 1.0  # chosen; a vent takes a minute
 
 
 class DruckPACE:
@@ -289,6 +289,7 @@ class DruckPACE:
             self._control_off()
             raise
         self._kept[f"{self._source}?"] = setpoint
+        # Until then the flag may still be that of the last setpoint.
         self._in_limits_from = self._clock.now() + self._options.in_limits_s
         self._pace.send(f"{self._output} 1")
         self._kept[f"{self._output}?"] = 1.0

@@ -13,7 +13,7 @@ from rig.drivers.numbers import decimal
 from rig.drivers.scpi import raise_errors
 from rig.drivers.wires import SerialLine
 
-_MOST_ERRORS = 5
+_MOST_ERRORS = 5  # length of its queue (K0472)
 SYNC = (":SYST:VERS?", ":SYST:VERS ")
 """A question that is only used for synchronisation, and the header of its answer."""
 

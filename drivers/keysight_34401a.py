@@ -17,7 +17,7 @@ from rig.drivers.driver import ContractFile, Medium
 from rig.drivers.scpi import SYNC, Interface, Nplc, ScpiMeter, hp_dialect, one_of, settling_s
 from rig.drivers.wires import SerialOptions, SerialSettings, Wires
 
-_MEMORY = 512
+_MEMORY = 512  # readings (user's guide)
 
 
 class Keysight34401A(ScpiMeter):

@@ -44,10 +44,10 @@ of 100 ohms by its alpha, 0.00385 or 0.00391, on two or four wires, from -200 to
 ranges the reading is an overload.
 """
 
-_MEMORY = 50_000
+_MEMORY = 50_000  # readings (Command Reference)
 _RELAY_S = 0.0167  # 60 channels a second with a 34901A
 
-_RTD_OHMS = 100.0
+_RTD_OHMS = 100.0  # at 0 degC, the scanner's default: it is only read back
 
 ChannelName = Annotated[str, Field(pattern=r"^[123](0[1-9]|1[0-9]|20)$")]
 VoltsRange = Annotated[float, AfterValidator(one_of(0.1, 1, 10, 100))]

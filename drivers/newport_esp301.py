@@ -27,10 +27,11 @@ from rig.drivers.wires.serial_options import LINE_END, LineEnd
 
 Axis = Literal["pitch", "roll"]
 
+# Jog speeds as marks: values that nobody sets by hand, and an ordinary one.
 _HOMED_MARK_DEG_PER_S = 0.1357
 _SEARCHING_MARK_DEG_PER_S = 0.2468
 _NOT_HOMED_DEG_PER_S = 1.0
-_HOME_TOLERANCE_DEG = 0.01
+_HOME_TOLERANCE_DEG = 0.01  # chosen
 _DEGREES = 7  # code of the unit degree for SN
 _HOME_STARTS_S = 1.0  # within this time a search that does not move yet does not count as ended
 _SPEED_ROUNDING = 1e-3  # the controller rounds speeds to counts per servo cycle

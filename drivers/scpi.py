@@ -24,10 +24,10 @@ from rig.drivers.wires import SerialLine
 SYNC = ("SYST:VERS?", "19")
 """A question that is only used for synchronisation; the answer is the year of the standard and a revision: 1991.0."""
 
-_MOST_ERRORS = 21
-_LATE_S = 2.0
-_CHARACTERS_PER_READING = 16
-_READBACK = 1e-6
+_MOST_ERRORS = 21  # more than the queues of these meters hold, 20 at most: a queue that does not end is garbled
+_LATE_S = 2.0  # beyond the computed duration; chosen
+_CHARACTERS_PER_READING = 16  # +1.23456789E+01 and a comma
+_READBACK = 1e-6  # relative: answers are printed with eight decimals
 _MARKS = 32  # measurements are numbered 1 to 31 and from 1 again, in bits of the mask that have no effect of their own
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(E[+-]?\d{1,3})?", re.ASCII)
 
@@ -251,13 +251,14 @@ class ScpiMeter(ABC):
         remote = (self._remote,) if self._remote else ()
         for command in (*remote, "*RST", "*CLS", *commands):
             self._line.write(command)
+            # It answers when the command has been carried out, so none is sent while the meter is busy.
             if self._line.query("*OPC?") != "1":
                 raise self._line.bad_reply("*OPC?", "", "1")
         self._raise_errors()
 
     def _mark_prepared(self) -> None:
         """The last step of preparing: set the mark that `restarted` reads."""
-        self._line.write(f"*PSC 1;*ESE {PREPARED}")
+        self._line.write(f"*PSC 1;*ESE {PREPARED}")  # PSC 1: power-on clears the mask, and with it the mark
         self._verify({"*ESE?": float(PREPARED)})
 
     def _verify(self, wanted: Mapping[str, float | str]) -> None:

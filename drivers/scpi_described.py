@@ -23,7 +23,7 @@ from rig.drivers.wires import SerialLine, SerialSettings, Wires
 
 Value = TypeVar("Value")
 
-_MOST_ERRORS = 32
+_MOST_ERRORS = 32  # chosen: a queue that does not end is a garbled answer
 _EVENTS = {4: "query error", 8: "device error", 16: "execution error", 32: "command error"}
 """Errors in the standard event register (IEEE 488.2, 11.5.1)."""
 

@@ -25,9 +25,9 @@ from rig.drivers.scpi_options import Command, Question, ScpiOptions, filled
 from rig.drivers.wires import Wires
 
 _INPUT = "input"
-_LATE_S = 2.0
-_CHARACTERS_PER_READING = 20
-_MARKS = 31
+_LATE_S = 2.0  # beyond the declared duration; chosen
+_CHARACTERS_PER_READING = 20  # chosen: a number of any maker with its comma
+_MARKS = 31  # bits of the service request mask without an effect on these lines: see `rig.drivers.scpi`
 
 
 class DescribedMeter:

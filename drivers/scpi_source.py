@@ -145,7 +145,7 @@ class DescribedSource:
         low, high = self.limits()
         if not low <= value <= high:
             raise LimitError(f"{self._where}: {value:g} {self.unit()} is outside {low:g} to {high:g}")
-        if self._scpi.restarted():
+        if self._scpi.restarted():  # its ranges and limits are those of power-on, not those of `prepare`
             raise NotReady(f"{self._where} has been switched off since it was prepared, and is not switched on")
         self._scpi.forget_errors()
         self._near_since, self._set_at = None, self._clock.now()

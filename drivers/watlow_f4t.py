@@ -21,7 +21,7 @@ from rig.drivers.watlow_map import map_of
 from rig.drivers.watlow_units import ILLEGAL_ADDRESS, MappedTemperatures, celsius
 from rig.drivers.wires import Wires
 
-_NO_ALARM = ("startup", "none", "blocked")
+_NO_ALARM = ("startup", "none", "blocked")  # blocked: not armed until its quantity has been in range once
 _PROFILES = ("running", "paused")
 
 
@@ -222,6 +222,7 @@ class WatlowF4T(MappedTemperatures):
         fahrenheit = self._fahrenheit()
         self._require_cascade()
         self._set_setpoint(degC, fahrenheit)
+        # After the setpoint: a loop that was off must not start towards the setpoint of somebody else.
         if self._code("mode") != "auto":
             self._set_code("mode", "auto")
         self._kept["mode"] = "auto"

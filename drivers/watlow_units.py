@@ -16,7 +16,7 @@ from rig.drivers.wires.modbus import ModbusLine
 ILLEGAL_ADDRESS = 2
 """Modbus exception: the controller has no such register."""
 
-_MARGIN_K = 20.0  # possible distance of a chamber's temperature from its limits and from ambient
+_MARGIN_K = 20.0  # possible distance of a chamber's temperature from its limits; chosen
 _POSSIBLE_DEGC = (-273.15, 2000.0)  # absolute zero, and more than the range of any thermocouple of a chamber
 
 

@@ -22,9 +22,9 @@ from rig.drivers.wires.can_transport import BusTransport, CanTransport
 BUS_ERRORS = (OSError, can.CanError)
 """Errors of a lost bus."""
 
-_QUIET_S = 0.05
-_SDO_REPLIES = range(0x581, 0x600)
-_TALKS_ON_S = 5.0
+_QUIET_S = 0.05  # chosen; nodes answer an SDO request within some milliseconds
+_SDO_REPLIES = range(0x581, 0x600)  # 580h and the node, 1 to 127 (CiA 301)
+_TALKS_ON_S = 5.0  # chosen: a bus that still sends then has another master
 
 
 class CanBus:

@@ -81,7 +81,7 @@ class _Responses:
 
     def empty(self) -> bool:
         """Called by canopen before a request is sent: waiting frames are old, and are discarded."""
-        self._frames.clear()
+        self._frames.clear()  # a question of canopen's that discards: only its answer allows the request
         return True
 
     def get(self, block: bool = True, timeout: float | None = None) -> bytes:

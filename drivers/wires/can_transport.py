@@ -45,7 +45,7 @@ class BusTransport:
         if address.interface == "slcan":
             on_terminal = os.path.realpath(address.channel).startswith("/dev/pts/")
             options["sleep_after_open"] = 0.0 if on_terminal else _ADAPTER_STARTS_S
-            options.setdefault("bitrate", 500_000)
+            options.setdefault("bitrate", 500_000)  # an adapter of this kind has none of its own
         self._bus: can.BusABC | None = can.Bus(address.channel, address.interface, ignore_config=True, **options)
 
     def send(self, can_id: int, data: bytes) -> None:

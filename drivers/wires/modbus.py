@@ -90,7 +90,7 @@ class ModbusLine:
         """
         request = ReadHoldingRegistersRequest(dev_id=self._unit, address=address, count=count)
         words = self._ask(request, "reading", repeat=True).registers
-        if len(words) != count:
+        if len(words) != count:  # a valid frame, but perhaps the late answer to another question
             self._wire.doubt(self._unit)
             raise BadReply(f"{self.where} answered {len(words)} words to a question for {count} at {address}")
         return list(words)
@@ -139,7 +139,7 @@ class ModbusLine:
                     request, where=self.where, seconds=self._timeout_s, log=self._log, known=self.known
                 )
             except (NoReply, BadReply, ClosedAfterAnswer) as error:
-                if not repeat or isinstance(error, OutOfStep):
+                if not repeat or isinstance(error, OutOfStep):  # then the reply before may be wrong too
                     raise
             repeat = False
             self.retries += 1

@@ -10,7 +10,7 @@ import serial
 from rig.drivers.clock import Clock
 from rig.drivers.wires.addresses import ModbusAddress
 
-_CONNECT_S = 3.0
+_CONNECT_S = 3.0  # chosen
 
 
 class Transport(Protocol):
@@ -39,6 +39,7 @@ class TcpTransport:
 
     def __init__(self, host: str, port: int, connect_s: float) -> None:
         self._socket = socket.create_connection((host, port), timeout=connect_s)
+        # A request would wait for the acknowledgement of the one before it.
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def send(self, data: bytes) -> None:
@@ -106,7 +107,7 @@ class RtuTransport:
 
     def recv(self, seconds: float) -> bytes:
         """See `Transport.recv`."""
-        if self._port.timeout != seconds:
+        if self._port.timeout != seconds:  # setting it reprograms a real port
             self._port.timeout = seconds
         heard: bytes = self._port.read(1)
         if heard:

@@ -26,12 +26,12 @@ from rig.drivers.wires.modbus_transport import TcpTransport, Transport, open_tra
 
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # it prints errors that we raise
 
-_QUIET_S = 0.3
+_QUIET_S = 0.3  # silence after which nothing more is on its way; chosen
 _SERVER_SILENCE_S = 0.02  # a serial server sends received bytes on within some milliseconds
-_TALKS_ON_S = 10.0
-_LEAST_WAIT_S = 1e-4
+_TALKS_ON_S = 10.0  # chosen: a line that still sends then has another master
+_LEAST_WAIT_S = 1e-4  # a look without waiting: a timeout of 0 would be another mode of a socket
 _HEAD = struct.Struct(">HHHBBB")  # of an answer over TCP: number, 0, length, unit, function, bytes of words
-_MOST_NUMBERS = 65_000  # of requests over TCP, then from 1 again
+_MOST_NUMBERS = 65_000  # of requests over TCP, then from 1 again; the field has 16 bits
 _WRITES = frozenset({6, 16})
 _ENDED = 2  # connections in a row that ended after one answer: then every answer ends one
 
@@ -184,7 +184,7 @@ class ModbusWire:
         """Synchronise the line and this unit before the next request."""
         self._out_of_step = True
         self._trusted = False
-        if self._rtu:
+        if self._rtu:  # over TCP the transaction number tells a late answer from the right one
             self._owing.add(unit)
 
     def close(self) -> None:

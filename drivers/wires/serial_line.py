@@ -38,12 +38,12 @@ Tap = Callable[[str, str, bytes], None]
 """Called with (instrument, "tx" or "rx", bytes) for every transfer."""
 
 _OPEN_ERRORS: tuple[type[Exception], ...] = (*_PORT_ERRORS, ValueError)
-_BITS_PER_CHARACTER = 11
+_BITS_PER_CHARACTER = 11  # the longest frame: start, eight data bits, parity or a second stop bit, stop
 _SLOWEST_BAUD = 1200  # for a line behind a serial server
-_WRITE_TIMEOUT_S = 5.0
-_LONGEST_REPLY = 1 << 20
-_TALKS_ON_S = 10.0
-_DTR_S = 0.01
+_WRITE_TIMEOUT_S = 5.0  # flow control may hold up a port for ever
+_LONGEST_REPLY = 1 << 20  # bytes; chosen: more than any memory of readings printed as text
+_TALKS_ON_S = 10.0  # chosen: an instrument that still sends then was set to send by itself
+_DTR_S = 0.01  # chosen, for an adapter that sends what it holds
 _NOT_SAID = bytes([0x11, 0x13])  # XON and XOFF: flow control, never part of an answer
 
 
@@ -169,7 +169,7 @@ class SerialLine:
         again = self._ask(text, count, timeout)
         if self._wrong_parity:
             raise self._misread(text, again)
-        if self._doubtful and again != lines:
+        if self._doubtful and again != lines:  # a bit error does not come twice; XON of an instrument may
             raise self.bad_reply(
                 text,
                 "; ".join(again),
@@ -237,7 +237,7 @@ class SerialLine:
 
     def bad_reply(self, text: str, reply: object, expected: str) -> BadReply:
         """The error for an answer that makes no sense; the line is synchronised before its next use."""
-        self._out_of_step = True
+        self._out_of_step = True  # the rest of a garbled answer may still be on its way
         return BadReply(f"{self.where} answered {reply!r} to {text!r}; expected {expected}")
 
     def _misread(self, text: str, lines: list[str]) -> BadReply:
@@ -273,7 +273,7 @@ class SerialLine:
                 stopbits=int(frame[2]),
                 timeout=self.clock.timeout(settings.timeout_s),
                 write_timeout=None if "://" in self._place.place else _WRITE_TIMEOUT_S,  # rfc2217:// refuses one
-                exclusive=True,
+                exclusive=True,  # a terminal program on the same port would take answers away
                 **flow_arguments("none" if terminal else settings.flow),
             )
             return without_delay(cast(Port, port))
@@ -347,7 +347,7 @@ class SerialLine:
             received = self._receive(port, text, count, timeout_s)
         except _PORT_ERRORS as error:
             self._lost(error)
-        try:
+        try:  # ASCII is strict on purpose: a wrong baud rate or frame shows as bytes above 127
             lines = received.decode("ascii").split(self._reply_end)
         except UnicodeDecodeError:
             doubt = "do baud rate and frame match" if self.port_settings else "do the serial server's settings match"
@@ -363,7 +363,7 @@ class SerialLine:
             while True:
                 heard = self._more(port, raw, timeout_s)
                 if not heard:
-                    self._out_of_step = self._owed = True
+                    self._out_of_step = self._owed = True  # the answer may only be late
                     raise self._silent(text, bytes(received), timeout_s)
                 received += heard
                 if len(received) > _LONGEST_REPLY:
@@ -386,7 +386,8 @@ class SerialLine:
         end = None
         while True:
             heard = port.read(1)
-            if heard and (waiting := port.in_waiting):  # what came with the first byte
+            # One byte, then what came with it: a longer read would wait until its timeout for bytes that do not come.
+            if heard and (waiting := port.in_waiting):
                 heard += port.read(waiting)
             raw += heard
             said = _said(heard)

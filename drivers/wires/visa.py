@@ -18,9 +18,9 @@ from rig.drivers.wires.port import Port
 from rig.drivers.wires.serial_line import SerialLine, SerialSettings, Tap
 from rig.drivers.wires.visa_address import VisaAddress
 
-_CHUNK = 20_480
+_CHUNK = 20_480  # bytes of a read, as pyvisa's own
 _LONGEST = 300  # characters of a library's error in our message
-_OPEN_S = 5.0
+_OPEN_S = 5.0  # chosen; finding an instrument on the network takes some of it
 _CHARACTERS_PER_S = 5_000.0  # a slow bus; only limits waits
 
 
@@ -189,7 +189,7 @@ class _Session:
             sent: int = self._resource.write_raw(data)
         except Exception as error:
             raise OSError(_words(error)) from error
-        self._asked = b"?" in data
+        self._asked = b"?" in data  # reading after a command that has no answer is an error on GPIB
         return sent
 
     def clear(self) -> None:

@@ -36,8 +36,11 @@ Watch = Callable[[Mapping[str, float]], None]
 _JUST_NOW_S = 0.05
 """Age up to which a reading of the axes is the present one."""
 _READ_THE_SAME = 3
+"""Equal readings in succession from which a chamber counts as one that repeats: two may be equal by chance."""
 _STOOD_S = 60.0
+"""Age, seconds, up to which an earlier repetition is told: as long as equal readings take to count as a hang."""
 _LONG_AGO = -1e18
+"""A clock reading before every other one."""
 _PARKED_DEG = 0.01
 """Distance from its parking position within which an axis of a head is parked."""
 
@@ -110,7 +113,7 @@ class BenchActions:
 
     def stop_motion(self) -> None:
         """Stop all axes. Their direction of arrival is unknown from now on."""
-        self._axes_seen = None
+        self._axes_seen = None  # before the command: also if it fails, what was read last is out of date
         self._axes.stop()
         self.arrivals.clear()
 
@@ -171,7 +174,7 @@ class BenchActions:
 
     def environment(self) -> dict[str, dict[str, Any]]:
         """Read all chambers and check their interlocks; returns the values for the run file."""
-        self._chambers_seen = self._clock.now()
+        self._chambers_seen = self._clock.now()  # before the reads: a chamber that fails is not asked at every poll
         found = {}
         for name, chamber in self._chambers.items():
             state = chamber.read()
@@ -272,7 +275,7 @@ class BenchActions:
                 reading.check(axis, controlled=reading.drive, homed=True)
                 self._guard.check_command(reading.quantity, target)
             start = {axis: reading.value for axis, reading in readings.items()}
-            for axis in leg:
+            for axis in leg:  # before the command: a move that fails half way leaves an unknown side
                 self.arrivals.pop(axis, None)
             self._axes_seen = None
             began = self._clock.now()
@@ -281,7 +284,7 @@ class BenchActions:
             trail = self._until_still(poll_s, timeout_s, "moving")
             arrived(leg, start, self.arrivals)
             for axis, target in leg.items():
-                if axis not in left and target != start[axis]:
+                if axis not in left and target != start[axis]:  # the first leg leaves the setting; others only arrive
                     left.add(axis)
                     way = [(began, start[axis]), *((t, readings[axis].value) for t, readings in trail)]
                     self.moves[axis] = Move(began + delay_of_step(way, start[axis], target), start[axis])
@@ -295,7 +298,7 @@ class BenchActions:
             trail.append((self._axes_read, readings))
             if what == "moving":
                 self.check_control(readings)
-            if True not in [reading.moving for reading in readings.values()]:
+            if True not in [reading.moving for reading in readings.values()]:  # every poll; `any` takes longer
                 return trail
             if self._axes_read - began > timeout_s:
                 late = ", ".join(
@@ -378,7 +381,7 @@ class BenchActions:
                     self._wait(0.0)  # a gap in time is no evidence of settling
                     break
                 polls = 1
-                if self._bench.forecast:
+                if self._bench.forecast:  # a rehearsal, which may pass over polls that decide nothing
                     polls = max(1, int(max(judge.idle_s() for judge in judges.values()) / poll_s))
                 self._wait(poll_s * polls)
         finally:
@@ -405,6 +408,7 @@ class BenchActions:
         """
         asked = self._clock.now()
         started: dict[str, tuple[float, float]] = {}
+        # Every reader is started before any is fetched: the quantities of a point are of one time.
         for name, reader in self._readers.items():
             due = reader.start(readings)
             started[name] = self._clock.now(), due

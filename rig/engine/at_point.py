@@ -49,8 +49,11 @@ from rig.run_file.state.lost_digits import LostDigits, lost_digit
 from rig.run_file.state.own_scatter import KEPT, OwnScatter
 
 _MOVE_TIMEOUT_S = 600.0
+"""Longest permitted move, seconds, if the settling timeout is not longer: chosen; a whole turn takes a minute."""
 _STRAY_SDS = 6.0
+"""Robust standard deviations beyond which a readback is no noise: a noisy reference is not a stray one."""
 _SDS_OF_MAD = 1.4826
+"""Standard deviation of a normal distribution, in median absolute deviations."""
 
 
 class AtPoint:
@@ -137,7 +140,7 @@ class AtPoint:
             self._soaking.check_while_working(at.point)
         elif not commanded(self._conduct.environment, self._do.environment()):
             return "prepare"  # somebody has set or switched off a chamber
-        self._set_up()
+        self._set_up()  # after the check, which reads the marks that setting up renews
         self._journal.start_timing()
         at.legs = recovery_legs(self._run_list.factors, at.point, self._before(at.point), self._axes)
         at.repeats = 0
@@ -206,7 +209,7 @@ class AtPoint:
         if self._by_hand.unread(at.point):
             return self._by_hand.ask_to_read(at.point)
         apart = self._typed.hand_over(at.point)
-        self._well.ask(at)
+        self._well.ask(at)  # before and after the readings: what is set wrongly at neither end was right between
         began = self._journal.elapsed()
         self._liveness.begin()
         observation = self._do.measure(settings.readings, self._poll_s, self._references)
@@ -216,7 +219,7 @@ class AtPoint:
         observation.flags += overshot(at.steered)
         self._well.ask(at, observation)
         overloaded = observation.overloaded()
-        if overloaded:
+        if overloaded:  # first: no mean or scatter of an overload is a number
             self._journal.write(Observed(verdict=REJECTED, **observation.as_json()))
             raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
         self._check_alive(observation)
@@ -277,6 +280,7 @@ class AtPoint:
         for factor in self._references:
             band = self._conduct.settled(factor.axis).band
             channel, target = observation.references[factor.name], targets[factor.axis]
+            # Median and MAD: the stray readback that is looked for must not widen its own limit.
             middle = median(channel.readings)
             scatter = _SDS_OF_MAD * median(abs(r - middle) for r in channel.readings)
             worst = max(channel.readings, key=lambda r: abs(r - target))
@@ -317,7 +321,7 @@ class AtPoint:
         """Make the observation durable if nothing was disturbed during it, and take the next point."""
         at = self._at
         assert at.observation is not None
-        after = self._do.axes()
+        after = self._do.axes()  # read anew: only a look after the readings shows that nothing moved during them
         self._do.check_control(after)
         positions = {axis: reading.value for axis, reading in after.items()}
         self._assert_undisturbed(at, positions)

@@ -70,7 +70,7 @@ class AxisReading(NamedTuple):
 
 
 _OF_A_DRIVE = (True, 0.05)
-"""`drive` and `margin` of an axis of a head."""
+"""`drive` and `margin` of an axis of a head: while it is set to a limit it may pass it by 0.05 deg. Chosen."""
 
 
 class Mover(Protocol):
@@ -162,6 +162,7 @@ class PressureMover:
     def read(self) -> Mapping[str, AxisReading]:
         """See `Mover`."""
         s = self._controller.read()
+        # A line without control goes nowhere: waiting for it would only end by the timeout.
         moving = s.venting or (s.controlling and not s.in_limits)
         faults = "; ".join(s.faults)
         return {

@@ -24,6 +24,7 @@ LEAVE = "leave"
 """Actions that replace giving up while parking: the safe state follows in any case."""
 
 _STOP_AGAIN_S = (1.0, 2.0, 5.0)
+"""Pauses between attempts to stop, seconds: short at first, since something may be moving; chosen."""
 
 
 class Deciding:
@@ -71,7 +72,7 @@ class Deciding:
                 decision = replace(decision, action=LEAVE)
             self._write(decision, error, state)
             if decision.action in (ABORT, LEAVE) or isinstance(error, TemperatureLeft):
-                return decision, error
+                return decision, error  # the safe state stops everything, and a lost whole plot moves nothing
             if decision.action in (HOLD, SKIP):
                 with contextlib.suppress(DriverError):  # the next point, or the hold, will show the fault again
                     self._do.stop_motion()
@@ -118,7 +119,7 @@ class Deciding:
         if isinstance(error, DriverError):
             found = self._do.readback()
             self._journal.write(ReadBack(**found, restarted=self._do.restarted()))
-        if isinstance(error, (NoReply, Unreachable)):
+        if isinstance(error, (NoReply, Unreachable)):  # while it was silent it may have been exchanged
             self._recognise()
 
     def stop_motion(self) -> None:

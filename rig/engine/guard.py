@@ -26,7 +26,7 @@ _RATE_MARGIN = 1.25
 _ANY = (float("-inf"), float("inf"))
 
 _RATE_OVER_S = {"psi_per_s": 4.0, "degC_per_min": 120.0}
-"""Minimum time between the two readings of a rate, seconds."""
+"""Minimum time between the two readings of a rate, seconds: over less, noise and delay would be a rate. Chosen."""
 
 
 class Guard:
@@ -150,8 +150,8 @@ class Guard:
         if seconds < _RATE_OVER_S[unit]:
             return
         self._rated[limit] = (now, value)
-        if seconds > 10.0 * _RATE_OVER_S[unit]:
-            return  # no reading was made in between
+        if seconds > 10.0 * _RATE_OVER_S[unit]:  # nobody has read in between, and the mean rate says little
+            return
         rate = (value - before) / seconds * (60.0 if unit.endswith("min") else 1.0)
         low, high = self._limits[limit]
         if not low * _RATE_MARGIN <= rate <= high * _RATE_MARGIN:

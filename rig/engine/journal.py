@@ -29,6 +29,7 @@ _SHOWN_S, _SHOWN = 1800.0, 120
 _CLOCK_SET_S = 60.0
 """A step of UTC relative to bench time larger than this, seconds, is recorded."""
 _ONE_MOMENT_S, _READ_AGAIN = 1.0, 3
+"""Two clocks read within this time, seconds, show one moment; they are read again at most this often."""
 
 
 @dataclass
@@ -191,7 +192,7 @@ class Journal:
         self._append(record, commit=commit)
 
     def _append(self, record: Record, *, commit: bool) -> None:
-        self._run.append(record, commit=commit)
+        self._run.append(record, commit=commit)  # first: nothing counts, and nobody is told, before it is written
         self.fold.add(record)
         self._left_s = self._done = None
         if self._soaks is not None:

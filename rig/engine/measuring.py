@@ -30,7 +30,7 @@ class Channel:
     def mean(self) -> float:
         """Mean of the readings."""
         if self._mean is None:
-            self._mean = math.fsum(self.readings) / len(self.readings)
+            self._mean = math.fsum(self.readings) / len(self.readings)  # exact: microvolts beside volts add up
         return self._mean
 
     @property

@@ -95,8 +95,10 @@ def plan_legs(
         here = now[axis]
         arrival = arrivals.get(axis)
         came_right = arrival is not None and side in (0, arrival.side)
+        # Not where the error belongs to the setting, as with a pressure: that is set again for every point.
         if factor.stays and came_right and abs(here - target) <= tolerance(axis):
             continue
+        # Nearer than its overtravel, backlash might not be taken up by the time it arrives.
         if side and side * (target - here) < factor.overtravel:
             beyond[axis] = target - side * factor.overtravel
         final[axis] = target

@@ -34,6 +34,7 @@ AMBIENT_DEGC = 23.0
 SWEEP_S = 3.0
 """Assumed duration of a reading of all channels before the first one, seconds."""
 KEPT = 200
+"""Number of the last durations of each kind that an estimate uses; chosen."""
 _NOT_CLEAN = (Fault, Held, AskedByHand, SessionBegan, Stopped, Skipped)
 
 

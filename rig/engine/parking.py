@@ -79,6 +79,7 @@ class Parking:
         if safe is not None:
             with contextlib.suppress(StorageError):
                 self._journal.write(safe)
+            # What was switched off is left out; what could not be is still asked for its output.
             failed = {words.partition(":")[0] for words in safe.unsafe}
             names = [name for name in names if name not in off or name in failed]
         return outputs_on(self._bench, names), safe

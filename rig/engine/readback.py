@@ -32,6 +32,7 @@ _FARTHER = 2.0
 _FLOAT32 = 2.0**-23
 """Resolution of readings that arrive as binary numbers of 32 bits, relative."""
 _KEPT = 40
+"""Readings from which the size of its steps is taken; as many as a resumed run reads again. Chosen."""
 
 
 class Readback:

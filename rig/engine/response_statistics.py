@@ -18,13 +18,14 @@ import numpy as np
 Row = tuple[float, ...]
 """Columns of a simple model at one observation, the first of them 1."""
 
+# Chosen: between a sensor that follows to one part in ten thousand and a dead one there is room for any of them.
 _MODEL_ROWS = 200
 _WINDOWS = (4, 8, 12)
 _FROZEN = 3
 _JUMPED = 3
-_BEYOND_SCATTER = 50.0
-_SPANNED = 0.3
-_ODD = 0.05
+_BEYOND_SCATTER = 50.0  # standard deviations
+_SPANNED = 0.3  # of the range of each column, before a first fit
+_ODD = 0.05  # of the output's range; a row farther off is not learned from
 _TO_JUDGE_A_SLOPE, _SLOPE_OFF = 8, 0.2
 _FOLLOWED = 0.99 * _SLOPE_OFF / sqrt(2 * _TO_JUDGE_A_SLOPE)
 _EXACT, _ZERO = 1e-9, 1e-13

@@ -21,7 +21,9 @@ from rig.units.of_instruments import PRESSURE
 
 _POLL_S = 0.5
 _LONGEST_POLL_S = 5.0
+"""First and longest pause between attempts, seconds; each is half as long again as the one before: chosen."""
 _SLEW_OVER_S = 2.0
+"""Time over which a rate of change is taken, seconds: over less, noise of two readings would be a rate."""
 _UNDER_WAY = "under way"
 
 
@@ -79,7 +81,7 @@ class _Task:
 
 
 class _Reader(_Task):
-    harmless = True
+    harmless = True  # it puts nothing out: its silence does not make a bench unsafe
 
 
 class _Head(_Task):
@@ -175,7 +177,7 @@ def make_safe(bench: Bench, clock: Clock, only: Collection[str] | None = None) -
         for name, instrument in bench.instruments.items()
         if _role(instrument) is role and (only is None or name in only)
     ]
-    for task in tasks:
+    for task in tasks:  # all of them before any is waited for
         task.begin()
     pause = _POLL_S
     while any(task.problem for task in tasks):

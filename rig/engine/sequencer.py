@@ -282,7 +282,8 @@ class Sequencer:
     def _wait(self, seconds: float) -> None:
         """Wait in short slices; look for signals and requests between them."""
         clock = self._clock
-        if 1e-9 < seconds <= _SLICE_S:  # every poll
+        # Every poll takes the first way: one slice, and one reading of the clock that serves both tests.
+        if 1e-9 < seconds <= _SLICE_S:
             now = clock.pause(seconds)
             self._look_up(now)
         else:
@@ -303,8 +304,9 @@ class Sequencer:
         compare_identities(self._journal, found, self._session.accept, self._path)
 
     def _checking(self) -> str:
-        self._recognise()
+        self._recognise()  # first: no command goes to an exchanged instrument
         self._do.stop_motion()
+        # Read before anything is set up, which would remove the evidence of a loss of power.
         restarted = self._do.restarted()
         as_found = self._do.readback()
         self._journal.write(AsFound(**as_found, restarted=restarted))
@@ -323,7 +325,7 @@ class Sequencer:
         """After a hole in time the bench is checked as for a resumed run."""
         self._needs_set_up = True
         if self._soaking is not None:
-            self._soaking.watched = False
+            self._soaking.watched = False  # the open whole plot is judged as one that an earlier session left
         at = self._journal.at
         if at is not None:
             at.attempt += 1
@@ -346,7 +348,7 @@ class Sequencer:
         self._set_up()
         if self._do.home(self._poll_s, again=self._home_again):
             self._journal.write(Homed())
-        self._home_again = False
+        self._home_again = False  # only now: homing that fails is asked for again
         if self._soaking is not None:
             if not goes_on:
                 self._soaking.soak()
@@ -430,7 +432,7 @@ class Sequencer:
         self._well.doubt_last(error)
         self._needs_set_up |= isinstance(error, DriverError)
         decision, error = self._deciding.decide(error, state)
-        self._needs_set_up |= isinstance(error, DriverError)
+        self._needs_set_up |= isinstance(error, DriverError)  # the readback may have failed with another error
         message = f"the soak failed: {error}" if decision.fault == "soak" else str(error)
         if isinstance(error, TemperatureLeft) and decision.action == ABORT:
             message += error.advice
@@ -457,13 +459,13 @@ class Sequencer:
         again = at.point.index not in self._put_off
         self._journal.write(Skipped.until_later(reason) if again else Skipped.for_good(reason))
         self._policies.done(at.place)
-        if again:
+        if again:  # once: a point that is skipped a second time is skipped for good
             self._put_off.add(at.point.index)
             self._queue.put_off(at.point)
         self._journal.take_up(None)
 
     def _begin_hold(self, why: str, *, surely: bool = True) -> str:
-        if surely:
+        if surely:  # a fault policy that holds has tried to stop motion; here a failure to stop is itself a fault
             self._deciding.stop_motion()
         self._journal.write(Held(why=why))
         self._journal.message = why
@@ -497,7 +499,7 @@ class Sequencer:
 
     def _give_up(self, message: str, *, recorded: bool = True, safe: MadeSafe | None = None) -> str:
         """Make the bench safe first, then record why."""
-        safe = safe or self._way_out.make_safe()
+        safe = safe or self._way_out.make_safe()  # before the record: that nothing can be written may be the fault
         self._outcome = Outcome.UNSAFE if safe.unsafe else Outcome.FAULT
         message += f"\n{safe.words}"
         if recorded:

@@ -52,7 +52,7 @@ class Settling:
             return self.outcome
         target, band, dwell_s, drift_per_s, timeout_s = self.criteria
         inside, waited = abs(value - target) <= band, now - self._started
-        step = 0.0 if self._last is None else now - self._last
+        step = 0.0 if self._last is None else now - self._last  # by the clock: polls may be late or missing
         if not inside:
             self._inside_s = max(0.0, self._inside_s - step)
         elif self._was_inside:  # time before the band is reached does not count
@@ -60,7 +60,7 @@ class Settling:
             self._inside_s = so_far if so_far < dwell_s else dwell_s
         self._last, self._was_inside = now, inside
         self._samples.append((waited, value))
-        stayed = inside and self._inside_s >= dwell_s - 1e-9
+        stayed = inside and self._inside_s >= dwell_s - 1e-9  # sums of clock differences round
         if stayed and abs(self._slope()) <= drift_per_s:
             self.outcome = "settled"
         elif waited >= timeout_s:

@@ -75,6 +75,7 @@ class Soaking:
         self._lost: Counter[int] = Counter()
         self._looked_s = self._seen_s = -inf
         self._away = ""
+        # A dry run's bench lives in this process: the next session finds another one, switched on just now.
         self._anew = bench.config.simulated and bench.config.live is None
         for record in journal.recent(_RECALLED):
             if isinstance(record.event, Observed):
@@ -92,6 +93,7 @@ class Soaking:
         assert point.whole_plot is not None
         fold = self._journal.fold
         targets = self.rules.targets(point)
+        # Once a whole plot: after a resume its chambers have left already, and may be near their setpoints again.
         if targets and fold.left_for != point.whole_plot:
             self._leave(point)
         for chamber, target in targets.items():
@@ -298,7 +300,7 @@ class Soaking:
         assert planned is not None
         first, count = self.rules.span(planned)
         kept = len(fold.accepted.intersection(range(first, first + count)))
-        self._journal.take_up(None)
+        self._journal.take_up(None)  # the record is about the whole plot, and names no point
         lost = WholePlotLost(reason=why, planned=planned, first=first, count=count, kept=kept)
         becomes = f"readings kept: {kept}"
         if self.rules.doubted_s:
@@ -311,7 +313,7 @@ class Soaking:
             self.rules.doubted_s = 0.0
         self._journal.write(lost)
         self._settings.forget()
-        self._queue.refill()
+        self._queue.refill()  # after the record, by which points of the whole plot are to be observed again
         self._away = ""
         self._lost[planned] += 1
         return planned, becomes

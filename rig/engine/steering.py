@@ -19,10 +19,11 @@ from rig.procedures.plan.run_list import Factor, Point
 from rig.run_file.events.points import OVERSHOT
 
 TRIES = 8
-"""Settings of one level."""
+"""Settings of one level, at most; chosen."""
 _AIM = 0.5
 """Part of what is allowed by which a correction stays short of the level: the next one must not come from beyond."""
 _SAME = 1e-9
+"""Relative difference below which a corrected setting is the one before: the source is at the end of its range."""
 
 
 class Steering:
@@ -97,6 +98,7 @@ def _next(tries: Sequence[tuple[float, float]], aim: float, slope: float) -> flo
     if len(tries) > 1:
         before, read = tries[-2]
         secant = (reading - read) / (setting - before)
+        # Two readings that are close together differ by their noise; their secant may have any slope.
         slope = secant if 0.2 < secant / slope < 5.0 else slope
     return setting + (aim - reading) / slope
 

@@ -177,7 +177,7 @@ class WholePlots:
 
         """
         self.doubted_s = 0.0
-        if not certain:
+        if not certain:  # UTC may have been stepped, so no gap by it proves that the bench stood
             return "the controller's machine was restarted, so it is not known how long the bench was left alone"
         if self._by_hand_only and watched:
             return ""  # what a person has set stays without power, and while the controller waits for somebody

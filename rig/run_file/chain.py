@@ -83,6 +83,7 @@ _COMPACT = json.JSONEncoder(separators=(",", ":"), allow_nan=False, check_circul
 
 def link(previous: bytes, seq: int, record: Record) -> bytes:
     """Hash of a record, given its predecessor's hash."""
+    # The number is hashed too: two records that swap their places break the chain even if `previous` is swapped.
     text = b"%b%b,%b]" % (previous, _fields(seq, record).encode(), _quoted(record.body))
     return hashlib.sha256(text).digest()
 
@@ -107,6 +108,7 @@ def followed(rows: Sequence[StoredRow], seq: int, previous: bytes) -> int:
         if number != seq or before != previous:
             return count
         held = False
+        # `type(...) is` and not isinstance: True is an int to Python, and another text in JSON.
         if (
             type(elapsed_s) is type(utc_s) is float
             and type(session) is type(index) is type(attempt) is int
@@ -138,7 +140,7 @@ def _fields(seq: int, record: Record) -> str:
     session, kind, elapsed_s, utc_s, index, whole_plot, attempt, status, _ = record
     if not (
         type(elapsed_s) is type(utc_s) is float
-        and isfinite(elapsed_s + utc_s)
+        and isfinite(elapsed_s + utc_s)  # JSON has no NaN: those go the slow way, which refuses them
         and type(session) is int
         and (index is None or type(index) is int)
         and (whole_plot is None or type(whole_plot) is int)

@@ -63,6 +63,7 @@ def read_json(path: Path) -> dict[str, Any] | None:
 
 
 _LONGEST = 200
+"""Characters of a name or a value in a request; chosen."""
 _MOST_BYTES = 1_000_000  # the file has a few hundred bytes
 
 
@@ -241,6 +242,7 @@ def controller_alive(run: Path) -> bool:
     except OSError:
         return False
     try:
+        # Shared: two programs that only ask do not take each other for a controller.
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except OSError:
         return True

@@ -21,6 +21,7 @@ from rig.procedures.plan.run_list import RunList
 Stored = int | float | str | bytes | None
 """What SQLite stores."""
 APPLICATION_ID = 0x52494721
+"""`RIG!` in ASCII, in the header of the database."""
 SCHEMA_VERSION = 2
 TABLES = ("document", "factor", "point", "record")
 INSERT_RECORD = f"INSERT INTO record VALUES ({', '.join('?' * 12)})"
@@ -42,6 +43,7 @@ _FIXED = {
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")
 _MOST_FACTORS = 100
 
+# Chosen: what a run file needs, with room; a hostile file reaches no more of SQLite than this.
 _LIMITS = {
     apsw.SQLITE_LIMIT_LENGTH: 64 << 20,
     apsw.SQLITE_LIMIT_SQL_LENGTH: 1 << 20,
@@ -139,6 +141,7 @@ class Guarded:
     """
 
     _EVERY = 100_000
+    """Steps between looks at the limit; chosen."""
 
     def __init__(self, db: apsw.Connection, size: Callable[[], int]) -> None:
         self._db = db
@@ -159,6 +162,7 @@ class Guarded:
 
         """
         size, content = self._size(), 0
+        # Far above what any of our statements needs for a file of this size, and it still ends within seconds.
         self._steps, self._most_steps = 0, 20_000_000 + 20 * size
         most = (64 << 20) + 8 * size
         for row in self._db.execute(statement, values):

@@ -10,6 +10,7 @@ import os
 from pathlib import Path
 
 _CHUNK = 1 << 20
+"""Bytes read and written at once; chosen."""
 
 
 class Storage:
@@ -18,6 +19,7 @@ class Storage:
     def make_folder(self, folder: Path) -> None:
         """Create a folder and its parents; each is durable before anything is put into it."""
         new = []
+        # Each entry is synced in its parent: a file in a folder whose entry was lost is lost with it.
         while not folder.exists():
             new.append(folder)
             folder = folder.parent
@@ -45,13 +47,12 @@ class Storage:
         """Write a file's bytes over themselves and sync it.
 
         After a failed fsync Linux keeps the data in memory and marks them as written, although the disk never took
-                them. A later fsync succeeds, but a power cut still loses them. Rewriting them makes the next fsync
-        write them.
+        them. A later fsync succeeds, but a power cut still loses them. Rewriting them makes the next fsync write them.
         """
         with path.open("r+b", buffering=0) as file:
             at = 0
             while data := os.pread(file.fileno(), _CHUNK, at):
-                if os.pwrite(file.fileno(), data, at) != len(data):
+                if os.pwrite(file.fileno(), data, at) != len(data):  # a full disk takes a part without an error
                     raise OSError(28, "No space left on device", str(path))
                 at += len(data)
             os.fsync(file.fileno())

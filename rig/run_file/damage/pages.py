@@ -27,6 +27,7 @@ _PAGE = 4096
 _WAL_HEADER, _FRAME_HEADER = 32, 24
 _MOST_COLUMNS = 300
 _MOST_BYTES = 64 << 20
+"""Columns and bytes of a row: more than the schema allows, less than a made-up row could ask for. Chosen."""
 _TIMES = 16
 """Limit on bytes read from overflow pages, in sizes of the files: the log has several versions of a page."""
 _NO_BYTES, _REAL = (0, 8, 9), 7
@@ -127,8 +128,8 @@ class Pages:
         main = len(self._main)
         choices: tuple[Callable[[list[int]], int], ...] = (
             lambda v: v[0],  # as SQLite reads it
-            lambda v: next((p for p in v if p <= at), v[-1]),  # the version at the time when the cell's page was
-            # written
+            # the version at the time when the cell's page was written
+            lambda v: next((p for p in v if p <= at), v[-1]),
             lambda v: v[-1] if v[-1] < main else v[0],  # the version for a foreign log
             lambda v: v[-1],
         )

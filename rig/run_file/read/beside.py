@@ -33,10 +33,11 @@ _MODE = (*range(18, 20), *range(24, 28), *range(92, 100))
 change."""
 _TABLE_LEAF = 13
 _MOST_KEYS, _MOST_BYTES = 20_000, 256 << 20
+"""Records looked at, and bytes of them: limits for a file that was made to take for ever. Chosen."""
 
 _LAST = "SELECT max(seq) FROM record"
 _ASKED = 500
-"""Records a statement is asked for."""
+"""Records that one statement is asked for: SQLite limits the placeholders of a statement."""
 
 
 class ForeignFileError(RunFileError):
@@ -153,7 +154,7 @@ def check_journal(path: Path) -> None:
                 return  # SQLite uses nothing of it
             count, nonce, pages, sector, size = struct.unpack_from(">5I", header, 8)
             file.seek(sector)
-            data = file.read(size * 1000)
+            data = file.read(size * 1000)  # its own journal has one page: a change of mode
         with path.open("rb") as main:
             wrong = _put_back(main.fileno(), data, count, nonce, pages, size)
     except OSError:

@@ -39,6 +39,7 @@ from rig.run_file.read.opening import (
 from rig.run_file.schema import Guarded, Stored
 
 _SLICE = 200
+"""Rows of one statement: a longer read transaction would hold up the checkpoints of a writer. Chosen."""
 _LOWEST, _HIGHEST = -(2**63), 2**63 - 1
 _COLUMNS = "session, kind, elapsed_s, utc_s, run_index, whole_plot, attempt, status, body"
 
@@ -63,7 +64,7 @@ class RunReader:
         path = real_path(path)
         check_header(path)
         check_name(path)
-        check_journal(path)
+        check_journal(path)  # before SQLite opens the file and rolls a journal back that may be foreign
         alone = by_itself(path)
         uri = path.absolute().as_uri()
         try:

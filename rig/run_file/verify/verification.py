@@ -87,8 +87,8 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
                     break
             if found:
                 run.must_be_its_log()
-            sense = Judged((), ()) if found else judged(run, MOST)  # consistency is not checked if the file has other
-            # defects
+            # What changed records say need not agree: their consistency would be told as further defects.
+            sense = Judged((), ()) if found else judged(run, MOST)
             found += [*sense.findings, *_cut_off(run, path, log)]
             heads, notes = _held_against(run, expected_head)
             notes += state.corrected

@@ -45,6 +45,7 @@ class ChangeWatch:
 
     def __init__(self, path: Path, descriptor: int) -> None:
         self._paths = {"it": str(path), "its log": f"{path}-wal"}
+        # The file by its descriptor, which cannot name another one; the log by its path, since SQLite makes it anew.
         self._files: dict[str, str | int] = {**self._paths, "it": descriptor}
         self._seen: dict[str, _Seen | None] = {}
         own = os.fstat(descriptor)
@@ -86,6 +87,7 @@ class ChangeWatch:
 MOST_BYTES = 128 << 20
 """Maximum size of a run file that is also kept in memory, bytes. Runs of a night have a tenth of it."""
 _TOGETHER = 256
+"""Records added at once; chosen."""
 
 
 class Mirror:

@@ -59,8 +59,8 @@ def create(path: Path, genesis: Genesis, *, elapsed_s: float, utc_s: float, vfs:
             _fill(db, genesis, elapsed_s, utc_s)
         finally:
             db.close()
-        disk.replace(part, path)
-        disk.sync_folder(path.parent)
+        disk.replace(part, path)  # the name appears only when the contents are durable
+        disk.sync_folder(path.parent)  # otherwise a power cut may take the name back
     except (apsw.Error, OSError) as error:
         for name in (part, part.with_name(part.name + "-journal"), path):
             with contextlib.suppress(OSError):
@@ -72,7 +72,7 @@ def _fill(db: apsw.Connection, genesis: Genesis, elapsed_s: float, utc_s: float)
     runs = genesis.run_list
     db.pragma("application_id", APPLICATION_ID)
     db.pragma("user_version", SCHEMA_VERSION)
-    db.pragma("synchronous", "full")
+    db.pragma("synchronous", "full")  # synced before the rename
     db.execute("BEGIN IMMEDIATE")
     for statement in statements([f.name for f in runs.factors]).values():
         db.execute(statement)

@@ -70,7 +70,7 @@ def _places(path: Path) -> Iterator[Path]:
 def _copy(source: apsw.Connection, copy: Path, head: tuple[int, bytes]) -> None:
     """Copy a database. Raises OSError, `apsw.Error` or `RigError` if this fails or the copy does not verify."""
     copy.parent.mkdir(parents=True, exist_ok=True)
-    os.close(os.open(copy, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
+    os.close(os.open(copy, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))  # never over an earlier rescue
     try:
         source.pragma("shrink_memory")  # SQLite's memory may differ from the file
         to = apsw.Connection(str(copy))
@@ -80,6 +80,7 @@ def _copy(source: apsw.Connection, copy: Path, head: tuple[int, bytes]) -> None:
         finally:
             to.close()
         with RunReader.open(copy) as run:
+            # SQLite copies damaged pages silently: only a copy that verifies counts.
             wrong = next(findings(run, thorough=True), None)
             if wrong is not None or run.head() != head:
                 raise OSError(f"the file was damaged: {wrong or 'it ends otherwise'}")

@@ -59,6 +59,8 @@ class RunWriter(RunReader):
         try:
             if not locked(lock):
                 raise BusyError(f"{path} is in use by another controller; `rig status {shell_word(path)}` shows it")
+            # Under the lock, in this order: the file alone is read before SQLite joins a log to it, and the log is
+            # read before SQLite opens it, because opening silently drops bad frames.
             check_name(path)
             check_journal(path)
             alone = by_itself(path)
@@ -71,6 +73,7 @@ class RunWriter(RunReader):
             try:
                 if verified is None or run.head() != verified:
                     run.verify()
+                # Only a verified log may be written into the file.
                 run._db.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 0)
                 run._start()
             except BaseException:
@@ -147,7 +150,7 @@ class RunWriter(RunReader):
         except apsw.Error as error:
             with contextlib.suppress(apsw.Error):
                 self._db.execute("ROLLBACK")
-            if isinstance(error, apsw.ConstraintError):
+            if isinstance(error, apsw.ConstraintError):  # a second acceptance of a point: a defect of this program
                 raise
             with contextlib.suppress(apsw.Error):
                 # A COMMIT also fails if only the checkpoint after it failed. The records are then in the log,
@@ -162,7 +165,7 @@ class RunWriter(RunReader):
         self._seq, *_, self._hash = self._pending[-1]
         self._pending.clear()
         self._vigil.note()
-        self._last_word.say(self._seq, self._hash)
+        self._last_word.say(self._seq, self._hash)  # last: it may be behind the file, never ahead of it
 
     def _must_be_there(self) -> None:
         """Copy the contents of a file that was moved, deleted, replaced or changed by others to a safe place."""
@@ -221,7 +224,7 @@ class RunWriter(RunReader):
 
     def _settle(self) -> None:
         """Turn the file into an ordinary one, and read it back. Raises `StorageError` if it holds something else."""
-        self._db.set_busy_timeout(200)
+        self._db.set_busy_timeout(200)  # milliseconds: somebody may read for long, and the end waits for nobody
         # A reader is open, or the disk refuses: every record is safe, only the log file remains.
         with contextlib.suppress(apsw.Error, OSError):
             self._db.wal_checkpoint(mode=apsw.SQLITE_CHECKPOINT_TRUNCATE)
