@@ -136,9 +136,7 @@ class CanDaq:
             self._line.listen(message.frame_id, partial(self._hear, message))
 
     def identify(self) -> Identity:
-        """See `Instrument.identify`. A unit that sends by itself does not report its identity: its frames identify
-        it.
-        """
+        """Ask for the identity. A unit that sends by itself does not report its identity: its frames identify it."""
         if not self._options.on_command:
             self._listen_for_all()
             message, _ = next(iter(self._channels.values()))
@@ -171,11 +169,12 @@ class CanDaq:
             self._listen_for_all()
 
     def channels(self) -> Sequence[str]:
-        """See `Reader.channels`."""
+        """Channel labels in scan order; a single-input meter has one channel, "input"."""
         return tuple(self._channels)
 
     def start(self, count: int) -> float:
-        """See `Reader.start`. Earlier frames are discarded.
+        """Trigger `count` sweeps over all channels; returns the seconds they are expected to take. Earlier frames are
+        discarded.
 
         Raises:
             LimitError: fewer than one sweep, or more than the unit can count.
@@ -187,7 +186,8 @@ class CanDaq:
         return self._begin(self._series, count)
 
     def fetch(self) -> Mapping[str, Sequence[float]]:
-        """See `Reader.fetch`. Sweeps with lost frames are measured again, once.
+        """Collect the readings of the last `start`, by channel, waiting for them if necessary. Sweeps with lost frames
+        are measured again, once.
 
         Raises:
             NotReady: nothing was started.
@@ -210,13 +210,13 @@ class CanDaq:
         return series.readings
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: a running measurement is given up; nothing else can do harm."""
+        """The safe state: a running measurement is given up; nothing else can do harm."""
         self._series = None
         if self._options.on_command:
             self._command("Stop")
 
     def close(self) -> None:
-        """See `Instrument.close`."""
+        """Release the wire; idempotent."""
         self._line.close()
 
     def _maker(self, sender: str) -> str:

@@ -116,15 +116,15 @@ class CiA402Pair:
         }
 
     def remarks(self) -> Sequence[str]:
-        """See `Remarking.remarks`: objects missing in the EDS, and rounded speeds."""
+        """Settings that are not used, or not as declared: objects missing in the EDS, and rounded speeds."""
         return (*lacking(self._dictionary), *dict.fromkeys(self._rounded))
 
     def axes(self) -> Mapping[str, tuple[float, float]]:
-        """See `Head.axes`."""
+        """Axis name ("pitch", "roll") to its (low, high) limits in degrees."""
         return {name: axis.limits for name, axis in self._axes.items()}
 
     def identify(self) -> Identity:
-        """See `Instrument.identify`. Both drives must follow CiA 402 and be the product the EDS describes."""
+        """Ask for the identity. Both drives must follow CiA 402 and be the product the EDS describes."""
         device = self._dictionary.device_information
         models, serials, versions = [], [], []
         for name, axis in self._axes.items():
@@ -174,7 +174,7 @@ class CiA402Pair:
             self._enable(name, axis)
 
     def wrong(self) -> Sequence[str]:
-        """See `SelfChecking.wrong`: mode, settings and units of both drives, which other tools can change."""
+        """Settings that are not as declared: mode, settings and units of both drives, which other tools can change."""
         return [
             f"{name}: {index:04X}h:{sub:02X} reads {found}, not {wanted}"
             for name, axis in self._axes.items()
@@ -182,7 +182,7 @@ class CiA402Pair:
         ]
 
     def home(self) -> None:
-        """See `Head.home`."""
+        """Start homing every axis that is not homed; poll `read` until all are homed and none moves."""
         for name, axis in self._axes.items():
             axis.homed = self._is_homed(axis, self._status(axis))
             if axis.homed:
@@ -194,12 +194,12 @@ class CiA402Pair:
             axis.homing, axis.homed, axis.fault, axis.target_deg = True, False, "", None
 
     def forget_zeros(self) -> None:
-        """See `Referenced.forget_zeros`."""
+        """Make `read` report every axis as not homed, so that `home` finds all zeros again."""
         for axis in self._axes.values():
             axis.distrusted, axis.homed = True, False
 
     def move(self, targets_deg: Mapping[str, float]) -> None:
-        """See `Head.move`. Targets are rounded to encoder counts.
+        """Start moving the named axes to absolute angles, together. Targets are rounded to encoder counts.
 
         Raises:
             LimitError: a target is outside its axis' limits, or not a number.
@@ -226,7 +226,7 @@ class CiA402Pair:
             axis.node.write(CONTROLWORD, _HOLD)  # a new set-point is taken at the rising edge of its bit
 
     def read(self) -> Mapping[str, AxisState]:
-        """See `Head.read`. Two exchanges per axis."""
+        """Read every axis. Two exchanges per axis."""
         states = {}
         for name, axis in self._axes.items():
             status = self._status(axis)
@@ -246,7 +246,7 @@ class CiA402Pair:
         return states
 
     def stop(self) -> None:
-        """See `Head.stop`: halt, with the drives enabled. A running home search is given up."""
+        """Stop: halt, with the drives enabled. A running home search is given up."""
         self._each(lambda axis: axis.node.write(CONTROLWORD, _HALT))
 
     def quick_stop(self) -> None:
@@ -254,7 +254,7 @@ class CiA402Pair:
         self._each(lambda axis: axis.node.write(CONTROLWORD, _QUICK_STOP))
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: halt; an axis that still turns after a while gets a quick stop."""
+        """The safe state: halt; an axis that still turns after a while gets a quick stop."""
         self.stop()
         end = self._clock.now() + _STANDSTILL_S
         while any(self._turns(axis) for axis in self._axes.values()):
@@ -264,7 +264,7 @@ class CiA402Pair:
             self._clock.sleep(_POLL_S)
 
     def close(self) -> None:
-        """See `Instrument.close`."""
+        """Release the wire; idempotent."""
         self._line.close()
 
     def _is_homed(self, axis: _Axis, status: int) -> bool:

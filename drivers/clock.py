@@ -50,32 +50,34 @@ class RealClock:
     """The machine's clock: CLOCK_BOOTTIME for durations (it counts through suspend), UTC for dates."""
 
     def now(self) -> float:
-        """See `Clock.now`."""
+        """Bench seconds since an arbitrary origin; never steps, keeps counting while the machine sleeps."""
         return time.clock_gettime(_BOOTTIME)
 
     def utc(self) -> float:
-        """See `Clock.utc`."""
+        """Coordinated Universal Time in seconds since 1970-01-01; may be stepped by the system."""
         return time.time()
 
     def sleep(self, seconds: float) -> None:
-        """See `Clock.sleep`."""
+        """Let `seconds` bench seconds pass; zero or less returns at once."""
         if seconds > 0:
             time.sleep(seconds)
 
     def idle(self, seconds: float) -> None:
-        """See `Clock.idle`."""
+        """Let bench time pass while waiting for a person: real time passes too, even with virtual time."""
         self.sleep(seconds)
 
     def timeout(self, seconds: float) -> float:
-        """See `Clock.timeout`."""
+        """Maximum real seconds of an operating-system wait when the instrument needs `seconds`."""
         return seconds
 
     def grace(self) -> float:
-        """See `Clock.grace`: a real instrument needs none."""
+        """Bench seconds beyond a deadline for the process of a simulated instrument to be scheduled. A real instrument
+        needs none.
+        """
         return 0.0
 
     stopwatch = staticmethod(time.perf_counter)
-    """See `Clock.stopwatch`."""
+    """Real seconds of this machine, for the duration of our own work only."""
 
 
 _TURN_S = 0.2
@@ -99,15 +101,15 @@ class ScaledClock(RealClock):
         self._started_utc = started_utc
 
     def now(self) -> float:
-        """See `Clock.now`."""
+        """Bench seconds since an arbitrary origin; never steps, keeps counting while the machine sleeps."""
         return super().now() * self._speed
 
     def utc(self) -> float:
-        """See `Clock.utc`."""
+        """Coordinated Universal Time in seconds since 1970-01-01; may be stepped by the system."""
         return self._epoch_utc + (super().utc() - self._started_utc) * self._speed
 
     def sleep(self, seconds: float) -> None:
-        """See `Clock.sleep`."""
+        """Let `seconds` bench seconds pass; zero or less returns at once."""
         super().sleep(seconds / self._speed)
 
     def timeout(self, seconds: float) -> float:
@@ -115,7 +117,7 @@ class ScaledClock(RealClock):
         return seconds / self._speed + _TURN_S
 
     def grace(self) -> float:
-        """See `Clock.grace`."""
+        """Bench seconds beyond a deadline for the process of a simulated instrument to be scheduled."""
         return _TURN_S * self._speed
 
 

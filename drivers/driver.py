@@ -45,12 +45,12 @@ class DriverClass(Protocol):
 
     @property
     def wire(self) -> Medium:
-        """See above."""
+        """Kind of its wire."""
         ...
 
     @property
     def contracts(self) -> tuple[ContractFile, ...]:
-        """See above."""
+        """Required files, () if there are none."""
         ...
 
     def __call__(self, name: str, address: str, options: Any, wires: Wires, clock: Clock) -> Instrument:

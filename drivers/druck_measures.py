@@ -146,8 +146,10 @@ class Measures:
             )
 
     def checked_scale(self) -> Scale:
-        """The same, with `BadReply` for another control range than the prepared one: only that one's limits were
-        checked.
+        """Present meaning of its numbers in the prepared control range, whose limits were checked.
+
+        Raises:
+            BadReply: another control range is selected.
         """
         scale = self.scale()
         told, wanted = reference_of(scale.range), self._options.reference

@@ -78,11 +78,11 @@ class DruckPACE:
         self._kept: dict[str, float | str] = {}  # settings of this driver, by question
 
     def limits(self) -> tuple[float, float]:
-        """See `PressureController.limits`."""
+        """Lowest and highest accepted setpoint, psi absolute."""
         return self._options.low_psia, self._options.high_psia
 
     def identify(self) -> Identity:
-        """See `Instrument.identify`."""
+        """Ask for the identity. Raises `WrongInstrument` for another model, `NoReply` without an answer."""
         answer = self._pace.ask("*IDN?")
         parts = [part.strip() for part in answer.split(",")]
         model = next((m for m in ("PACE5000", "PACE6000") if len(parts) == 4 and m in parts[1].upper()), None)
@@ -123,7 +123,7 @@ class DruckPACE:
         self._pace.check("*ESE?", PREPARED, 0.0)
 
     def restarted(self) -> bool:
-        """See `Restartable.restarted`.
+        """Whether it has been powered up since `prepare` last ran.
 
         It is known by the mark that `prepare` sets: the power-on bit of *ESR? is reserved and always 0 in these
         instruments.
@@ -131,8 +131,8 @@ class DruckPACE:
         return self._pace.number("*ESE?") != PREPARED
 
     def wrong(self) -> Sequence[str]:
-        """See `SelfChecking.wrong`: unit, control range, slew, in-limits band, setpoint, mode of control and whether it
-        is on, as this driver set them.
+        """Settings that are not as declared: unit, control range, slew, in-limits band, setpoint, mode of control and
+        whether it is on, as this driver set them.
         """
         found = []
         for question, wanted, answer in not_kept(self._kept, self._pace.ask, _as_set):
@@ -142,7 +142,7 @@ class DruckPACE:
         return found
 
     def set_pressure(self, psia: float) -> None:
-        """See `PressureController.set_pressure`. Cancels a vent.
+        """Command a setpoint with control on. Cancels a vent.
 
         Raises:
             LimitError: outside the limits, or not a number.
@@ -156,7 +156,7 @@ class DruckPACE:
         self._control(psia, self._options.slew_psi_per_s, checked=True)
 
     def read(self) -> PressureState:
-        """See `PressureController.read`.
+        """Read its state.
 
         On the way to the atmosphere this also opens the vent valve once the pressure is near enough. Pressures are
         converted from the controller's present unit.
@@ -195,15 +195,15 @@ class DruckPACE:
         )
 
     def stop(self) -> None:
-        """See `PressureController.stop`. A running vent is cancelled too; a line without control stays without
-        control.
+        """Hold the present pressure: it becomes the setpoint. A running vent is cancelled too; a line without control
+        stays without control.
         """
         state = self._state(self._measures.scale())
         if state.controlling or state.venting:
             self._control(max(state.pressure_psia, 0.0), self._options.slew_psi_per_s)
 
     def vent(self) -> None:
-        """See `PressureController.vent`: to the atmosphere at `vent_psi_per_s` under control, then the valve opens."""
+        """Vent: to the atmosphere at `vent_psi_per_s` under control, then the valve opens."""
         state = self._state(self._measures.scale())
         if state.venting:
             return
@@ -220,7 +220,7 @@ class DruckPACE:
             self._start_vent()
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: the line goes to the atmosphere at the vent's slew, then control is off.
+        """The safe state: the line goes to the atmosphere at the vent's slew, then control is off.
 
         It takes at most one and a half times the duration at that slew, plus two minutes. If a source is lost and the
         slew does not arrive, the valve to the atmosphere is opened nevertheless. A control range changed by hand is
@@ -243,7 +243,7 @@ class DruckPACE:
             raise NotReady(f"{self._line.where}: {words}")
 
     def close(self) -> None:
-        """See `Instrument.close`."""
+        """Release the wire; idempotent."""
         self._line.close()
 
     # Control

@@ -65,7 +65,7 @@ class Keysight34401A(ScpiMeter):
         return _MEMORY
 
     def channels(self) -> Sequence[str]:
-        """See `Reader.channels`."""
+        """Channel labels in scan order; a single-input meter has one channel, "input"."""
         return ("input",)
 
     def sweep_s(self) -> float:

@@ -120,7 +120,7 @@ class Keysight34970A(ScpiMeter):
         return _MEMORY // len(self._names)
 
     def channels(self) -> Sequence[str]:
-        """See `Reader.channels`."""
+        """Channel labels in scan order; a single-input meter has one channel, "input"."""
         return self._names
 
     def sweep_s(self) -> float:

@@ -108,11 +108,11 @@ class NewportESP301:
         self._same_states: Mapping[str, AxisState] = {}
 
     def axes(self) -> Mapping[str, tuple[float, float]]:
-        """See `Head.axes`."""
+        """Axis name ("pitch", "roll") to its (low, high) limits in degrees."""
         return dict(self._limits)
 
     def identify(self) -> Identity:
-        """See `Instrument.identify`. The serial number is that of the stages; the controller reads it from them."""
+        """Ask for the identity. The serial number is that of the stages; the controller reads it from them."""
         version = self._line.query("VE?")
         words = version.split(maxsplit=1)
         if not words or words[0].upper() != "ESP301":
@@ -158,7 +158,7 @@ class NewportESP301:
         self._faults = dict.fromkeys(self._numbers, "")
 
     def wrong(self) -> Sequence[str]:
-        """See `SelfChecking.wrong`: the unit and the limits of both axes, which its front panel can change."""
+        """Settings that are not as declared: the unit and the limits of both axes, which its front panel can change."""
         wanted = {
             f"{n}{name}?": value
             for axis, n in self._numbers.items()
@@ -178,7 +178,9 @@ class NewportESP301:
         return abs(found - value) <= (_ANGLE_ROUNDING_DEG if name in ("SL", "SR") else _SPEED_ROUNDING * value)
 
     def home(self) -> None:
-        """See `Head.home`; `read` reports an axis as homed after its search has ended at zero without an error."""
+        """Start homing every axis that is not homed; poll `read` until all are homed and none moves. `read` reports an
+        axis as homed after its search has ended at zero without an error.
+        """
         self.read()
         for axis, n in self._numbers.items():
             if not self._homed[axis]:
@@ -188,13 +190,15 @@ class NewportESP301:
         self._commanded()
 
     def forget_zeros(self) -> None:
-        """See `Referenced.forget_zeros`: the mark of a good home search is removed."""
+        """Make `read` report every axis as not homed, so that `home` finds all zeros again. The mark of a good home
+        search is removed.
+        """
         self._same_answers = []
         self._send([f"{n}JW{_NOT_HOMED_DEG_PER_S:g}" for n in self._numbers.values()])
         self._homed = dict.fromkeys(self._numbers)
 
     def move(self, targets_deg: Mapping[str, float]) -> None:
-        """See `Head.move`.
+        """Start moving the named axes to absolute angles, together.
 
         Targets are sent in units of 1e-5 deg, finer than the encoder.
 
@@ -215,7 +219,7 @@ class NewportESP301:
         self._commanded()
 
     def read(self) -> Mapping[str, AxisState]:
-        """See `Head.read`. One exchange; a second one if an error is possible.
+        """Read every axis. One exchange; a second one if an error is possible.
 
         Raises:
             InstrumentError: the controller reports an error that belongs to no axis.
@@ -248,17 +252,17 @@ class NewportESP301:
         return self._same_states
 
     def stop(self) -> None:
-        """See `Head.stop`. A running home search is given up."""
+        """Stop all motion at the axes' normal deceleration; drives stay on. A running home search is given up."""
         self._send([f"{n}ST" for n in self._numbers.values()])
         self._homing.clear()
         self._commanded()
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: motion stops, the motors stay on."""
+        """The safe state: motion stops, the motors stay on."""
         self.stop()
 
     def close(self) -> None:
-        """See `Instrument.close`."""
+        """Release the wire; idempotent."""
         self._line.close()
 
     def _commanded(self) -> None:

@@ -84,17 +84,19 @@ class Person:
         return Identity("person", self.name, "", "")
 
     def instruction(self, factor: str, value: float) -> str:
-        """See `ByHand.instruction`."""
+        """The task, to set a factor (with its unit at the end, as in tables) to a value: a sentence without a full
+        stop.
+        """
         words = factor.split("_")
         unit = "/".join(words[-3::2]) if len(words) > 3 and words[-2] == "per" else words[-1]
         return self._say.format(factor=factor, value=f"{value:.12g}", unit=unit).rstrip(". ")
 
     def channels(self) -> Sequence[str]:
-        """See `Reader.channels`."""
+        """Channel labels in scan order; a single-input meter has one channel, "input"."""
         return tuple(self._units)
 
     def units(self) -> Mapping[str, str]:
-        """See `WithUnits.units`."""
+        """Unit of each channel's readings, by channel, as at the end of column names ("mV", "kN", "ohm")."""
         return self._units
 
     def take(self, typed: Mapping[str, Sequence[float]]) -> None:
@@ -102,11 +104,11 @@ class Person:
         self._typed = dict(typed)
 
     def start(self, count: int) -> float:
-        """See `Reader.start`: everything has been read before."""
+        """Start readings: everything has been read before."""
         return 0.0
 
     def fetch(self) -> Mapping[str, Sequence[float]]:
-        """See `Reader.fetch`: what was typed, whatever number of readings instruments take. Raises `NotReady`."""
+        """The readings: what was typed, whatever number of readings instruments take. Raises `NotReady`."""
         if not self._typed:
             raise NotReady(f"{self.name}: nothing was typed")
         return self._typed

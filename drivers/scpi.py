@@ -126,11 +126,11 @@ class ScpiMeter(ABC):
 
     @abstractmethod
     def channels(self) -> Sequence[str]:
-        """See `Reader.channels`."""
+        """Channel labels in scan order; a single-input meter has one channel, "input"."""
 
     @abstractmethod
     def prepare(self) -> None:
-        """See `Instrument.prepare`."""
+        """Set remote control, units, ranges and speeds as the bench declares them."""
 
     @property
     @abstractmethod
@@ -142,7 +142,7 @@ class ScpiMeter(ABC):
         """Duration of one sweep over all channels, seconds."""
 
     def identify(self) -> Identity:
-        """See `Instrument.identify`.
+        """Ask for the identity.
 
         It also ends a measurement of an earlier session, whose readings could be taken for the answer, and takes remote
         control.
@@ -162,7 +162,7 @@ class ScpiMeter(ABC):
         return Identity(*parts)
 
     def restarted(self) -> bool:
-        """See `Restartable.restarted`."""
+        """Whether it has been powered up since `prepare` last ran."""
         answer = self._line.query("*ESE?")
         try:
             return whole(answer) != PREPARED
@@ -170,15 +170,15 @@ class ScpiMeter(ABC):
             raise self._line.bad_reply("*ESE?", answer, "a number") from None
 
     def wrong(self) -> Sequence[str]:
-        """See `SelfChecking.wrong`: the settings of `prepare`. Nothing is asked of a meter with a command for remote
-        control: its panel is locked, and set to local it refuses to measure.
+        """Settings that are not as declared: the settings of `prepare`. Nothing is asked of a meter with a command for
+        remote control: its panel is locked, and set to local it refuses to measure.
         """
         if self._remote:
             return ()
         return [f"{q} answers {answer}, not {wanted}" for q, wanted, answer in self._not_kept(self._declared)]
 
     def start(self, count: int) -> float:
-        """See `Reader.start`.
+        """Trigger `count` sweeps over all channels; returns the seconds they are expected to take.
 
         The measurement's number is written to the service request mask, which a serial line does not use. Readings of
         an earlier measurement, kept in the instrument or late on the wire, come with another number.
@@ -196,7 +196,8 @@ class ScpiMeter(ABC):
         return expected
 
     def fetch(self) -> Mapping[str, Sequence[float]]:
-        """See `Reader.fetch`. Asks only when the readings are due, because the instrument does not listen before.
+        """Collect the readings of the last `start`, by channel, waiting for them if necessary. Asks only when the
+        readings are due, because the instrument does not listen before.
 
         Raises:
             NotReady: nothing was started.
@@ -233,12 +234,12 @@ class ScpiMeter(ABC):
         return {name: values[i :: len(names)] for i, name in enumerate(names)}
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: a running measurement is given up; nothing else can do harm."""
+        """The safe state: a running measurement is given up; nothing else can do harm."""
         self._clear()
         self._count = 0
 
     def close(self) -> None:
-        """See `Instrument.close`."""
+        """Release the wire; idempotent."""
         self._line.close()
 
     def _clear(self) -> None:
@@ -271,7 +272,7 @@ class ScpiMeter(ABC):
         return not_kept(wanted, self._line.query, _agree)
 
     def _raise_errors(self) -> None:
-        """See `raise_errors`."""
+        """Empty its error queue. Raises `InstrumentError` with the errors."""
         raise_errors(self._line, lambda: self._line.query("SYST:ERR?", repeat=False), _MOST_ERRORS)
 
 

@@ -176,7 +176,7 @@ class DescribedScpi:
             return
 
     def identify(self) -> Identity:
-        """See `Instrument.identify`. Nothing but *IDN? is sent."""
+        """Ask for the identity. Nothing but *IDN? is sent."""
         options = self._options
         answer = self.ask("*IDN?")
         if "*IDN?" in answer.upper():
@@ -217,7 +217,9 @@ class DescribedScpi:
         self.asked(question, right)
 
     def restarted(self) -> bool:
-        """See `Restartable.restarted`. Without a mark, settings that have been lost are the evidence."""
+        """Whether it has been powered up since `prepare` last ran. Without a mark, settings that have been lost are the
+        evidence.
+        """
         if not self._options.mark:
             return bool(self.unhealthy(self._options.wanted))
         return self.whole("*ESE?") != PREPARED

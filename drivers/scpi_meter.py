@@ -79,15 +79,15 @@ class DescribedMeter:
         self._form = PrintedForm()
 
     def channels(self) -> Sequence[str]:
-        """See `Reader.channels`."""
+        """Channel labels in scan order; a single-input meter has one channel, "input"."""
         return (_INPUT,)
 
     def units(self) -> Mapping[str, str]:
-        """See `WithUnits.units`."""
+        """Unit of each channel's readings, by channel, as at the end of column names ("mV", "kN", "ohm")."""
         return {_INPUT: self._options.unit}
 
     def identify(self) -> Identity:
-        """See `Instrument.identify`.
+        """Ask for the identity.
 
         The bus is cleared first, which ends a measurement of an earlier session; nothing but *IDN? is sent.
         """
@@ -106,23 +106,25 @@ class DescribedMeter:
         self._scpi.prepare()
 
     def restarted(self) -> bool:
-        """See `Restartable.restarted`."""
+        """Whether it has been powered up since `prepare` last ran."""
         return self._scpi.restarted()
 
     def wrong(self) -> Sequence[str]:
-        """See `SelfChecking.wrong`: the questions of `check` and `healthy`, without settings that `start` changes."""
+        """Settings that are not as declared: the questions of `check` and `healthy`, without settings that `start`
+        changes.
+        """
         return self._scpi.wrong(self._options.start or "")
 
     def learned(self) -> Mapping[str, str | int]:
-        """See `Learning.learned`: the form of its readings."""
+        """Its knowledge: the form of its readings."""
         return self._form.learned
 
     def recall(self, learned: Mapping[str, str | int]) -> None:
-        """See `Learning.recall`."""
+        """Take the knowledge of an earlier session of the run."""
         self._form.recall(learned)
 
     def start(self, count: int) -> float:
-        """See `Reader.start`.
+        """Trigger `count` sweeps over all channels; returns the seconds they are expected to take.
 
         Raises:
             LimitError: fewer than one reading, or more than its memory holds.
@@ -140,7 +142,7 @@ class DescribedMeter:
         return expected
 
     def fetch(self) -> Mapping[str, Sequence[float]]:
-        """See `Reader.fetch`.
+        """Collect the readings of the last `start`, by channel, waiting for them if necessary.
 
         Raises:
             NotReady: nothing was started.
@@ -225,7 +227,7 @@ class DescribedMeter:
         return printed, value
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: a running measurement is given up; nothing else can do harm."""
+        """The safe state: a running measurement is given up; nothing else can do harm."""
         self._count = 0
         self._give_up()
 
@@ -236,5 +238,5 @@ class DescribedMeter:
             self._scpi.forget_errors()
 
     def close(self) -> None:
-        """See `Instrument.close`."""
+        """Release the wire; idempotent."""
         self._scpi.line.close()

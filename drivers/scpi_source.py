@@ -105,15 +105,15 @@ class DescribedSource:
         self._set_at = clock.now()
 
     def unit(self) -> str:
-        """See `Source.unit`."""
+        """Its unit as at the end of column names ("V", "kN", "degC"); a factor that it sets has the same unit."""
         return self._options.unit
 
     def limits(self) -> tuple[float, float]:
-        """See `Source.limits`."""
+        """Lowest and highest accepted setpoint, in its unit."""
         return self._options.low, self._options.high
 
     def identify(self) -> Identity:
-        """See `Instrument.identify`. Nothing but *IDN? is sent."""
+        """Ask for the identity. Nothing but *IDN? is sent."""
         return self._scpi.identify()
 
     def prepare(self) -> None:
@@ -126,15 +126,15 @@ class DescribedSource:
         self._scpi.prepare()
 
     def restarted(self) -> bool:
-        """See `Restartable.restarted`."""
+        """Whether it has been powered up since `prepare` last ran."""
         return self._scpi.restarted()
 
     def wrong(self) -> Sequence[str]:
-        """See `SelfChecking.wrong`: the questions of `check` and `healthy`."""
+        """Settings that are not as declared: the questions of `check` and `healthy`."""
         return self._scpi.wrong()
 
     def set(self, value: float) -> None:
-        """See `Source.set`.
+        """Command a setpoint with the output on.
 
         Raises:
             LimitError: outside the limits, or not a number.
@@ -182,7 +182,7 @@ class DescribedSource:
         return word in _ON
 
     def read(self) -> SourceState:
-        """See `Source.read`."""
+        """Read its state."""
         options = self._options
         setpoint = self._scpi.number(options.setpoint)
         output = self._output()
@@ -209,7 +209,7 @@ class DescribedSource:
         return now - self._near_since >= options.dwell_s
 
     def stop(self) -> None:
-        """See `Source.stop`."""
+        """Hold the present value: it becomes the setpoint."""
         state = self.read()
         if state.output and not state.settled:
             low, high = self.limits()
@@ -217,7 +217,7 @@ class DescribedSource:
             self._set_at = self._clock.now()
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: the safe value if there is one, then the output off; both are read back.
+        """The safe state: the safe value if there is one, then the output off; both are read back.
 
         Raises:
             NotReady: it is not in its safe state.
@@ -238,5 +238,5 @@ class DescribedSource:
                 self._scpi.send(off)
 
     def close(self) -> None:
-        """See `Instrument.close`."""
+        """Release the wire; idempotent."""
         self._scpi.line.close()

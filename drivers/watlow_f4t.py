@@ -144,7 +144,7 @@ class WatlowF4T(MappedTemperatures):
         self._power = "" if options.power == "none" else _register(options.power)
 
     def identify(self) -> Identity:
-        """See `Instrument.identify`."""
+        """Ask for the identity. Raises `WrongInstrument` for another model, `NoReply` without an answer."""
         try:
             part = self._text("part_number")
         except InstrumentError as error:
@@ -192,7 +192,9 @@ class WatlowF4T(MappedTemperatures):
         self._set_code("ramp_action", "setpoint")
 
     def wrong(self) -> Sequence[str]:
-        """See `SelfChecking.wrong`: the unit of its temperatures, what this driver set, and what else may set it."""
+        """Settings that are not as declared: the unit of its temperatures, what this driver set, and what else may set
+        it.
+        """
         unit = self._own_unit()
         if self._found_unit and unit not in ("", self._found_unit):
             return [f"the unit of its Modbus temperatures is {unit}, not {self._found_unit}"]
@@ -201,15 +203,16 @@ class WatlowF4T(MappedTemperatures):
         return [*self._not_kept(), *off, *([air] if air else []), *self._profile()]
 
     def remarks(self) -> Sequence[str]:
-        """See `Remarking.remarks`: what its connection does."""
+        """Settings that are not used, or not as declared: what its connection does."""
         return self._line.remarks()
 
     def limits(self) -> tuple[float, float]:
-        """See `Chamber.limits`."""
+        """Lowest and highest accepted setpoint, degrees Celsius."""
         return self._options.low_degC, self._options.high_degC
 
     def set_temperature(self, degC: float) -> None:
-        """See `Chamber.set_temperature`; the setpoint is read back before control and power are switched on.
+        """Command a setpoint with closed-loop control on. The setpoint is read back before control and power are
+        switched on.
 
         Raises:
             LimitError: outside the bench's range, or not a number.
@@ -230,7 +233,7 @@ class WatlowF4T(MappedTemperatures):
             self._switch_on()
 
     def read(self) -> ChamberState:
-        """See `Chamber.read`. The setpoint is the commanded one, also during a ramp to it.
+        """Read its state. The setpoint is the commanded one, also during a ramp to it.
 
         Raises:
             BadReply: the temperature is impossible, or the unit is in doubt.
@@ -245,7 +248,8 @@ class WatlowF4T(MappedTemperatures):
         )
 
     def stop(self) -> None:
-        """See `Chamber.stop`. If control is off it stays off; manual power becomes control.
+        """Hold the present temperature: it becomes the setpoint. If control is off it stays off; manual power becomes
+        control.
 
         Raises:
             BadReply: the temperature is far outside the bench's range, as with a broken sensor; the setpoint does not
@@ -263,7 +267,7 @@ class WatlowF4T(MappedTemperatures):
         self._end_manual()
 
     def make_safe(self) -> None:
-        """See `Instrument.make_safe`: to the safe setpoint, under control; outputs that are off stay off.
+        """The safe state: to the safe setpoint, under control; outputs that are off stay off.
 
         A chamber that was switched off by a person or by its protection does not heat, and a fault elsewhere does not
         start it. The unit is the controller's present one, also after a change.
@@ -272,7 +276,7 @@ class WatlowF4T(MappedTemperatures):
         self._end_manual()
 
     def close(self) -> None:
-        """See `Instrument.close`."""
+        """Release the wire; idempotent."""
         self._line.close()
 
     def _end_manual(self) -> None:

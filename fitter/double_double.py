@@ -126,7 +126,7 @@ def _two_sum(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _quick_sum(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same for |a| >= |b| (Dekker)."""
+    """a + b rounded, and its rounding error, for |a| >= |b| (Dekker)."""
     s = a + b
     return s, b - (s - a)
 

@@ -62,7 +62,7 @@ class RowError(FitError):
         self.index, self._words = index, (before, after)
 
     def at(self, row: int) -> RowError:
-        """The same for a row with this number."""
+        """This error with another number for its row."""
         return RowError(self._words[0], self.index, self._words[1], row)
 
 

@@ -49,7 +49,7 @@ def reach_of_misfit(columns: FloatArray, point: IntArray, sigma_bias: float) -> 
 
 
 def reach_beside(fit: LinearFit, sigma_bias: float) -> FloatArray:
-    """The same for a fit with effects beside the model: they can absorb model error as well.
+    """(L, L) covariance as of `reach_of_misfit`, for a fit with effects: they can absorb model error as well.
 
     With n readings a model error of that rms has the length sigma_bias n^1/2, for any distribution over points.
     """

@@ -231,7 +231,7 @@ class OwnSpan:
 
 @dataclass(frozen=True, eq=False)
 class WithMore:
-    """The same with a few further columns, held as an orthonormal basis.
+    """An `OwnSpan` with a few further columns, held as an orthonormal basis.
 
     Attributes:
         span: of the replications' own parameters.
@@ -253,14 +253,14 @@ class WithMore:
         return self.span.rank + int(self.more.shape[1])
 
     def expand(self, coordinates: FloatArray) -> FloatArray:
-        """As `OwnSpan.expand`."""
+        """(n,) the basis times (rank,) coordinates."""
         own = self.span.rank
         return np.asarray(self.span.expand(coordinates[:own]) + self.more @ coordinates[own:])
 
     def coordinates(self, values: FloatArray) -> FloatArray:
-        """As `OwnSpan.coordinates`."""
+        """(rank,) coordinates of (n,) values in the basis."""
         return np.concatenate([self.span.coordinates(values), self.more.T @ values])
 
     def project_out(self, values: FloatArray) -> FloatArray:
-        """As `OwnSpan.off`."""
+        """(n,) part of values outside the span; levels are removed before."""
         return project_out(self.span.project_out(values), self.more)

@@ -99,7 +99,7 @@ class Rows:
     plain: Rows | None = None
 
     def beside(self, extra: FloatArray) -> Rows:
-        """The same with columns of effects; these rows if there are none."""
+        """These rows with columns of effects; these rows if there are none."""
         return replace(self, extra=extra, plain=self) if extra.shape[1] else self
 
     @cached_property
@@ -127,7 +127,7 @@ class Rows:
         return WithMore.of(own, self.extra)
 
     def every(self) -> OwnSpan | WithMore:
-        """The same without removing the points' means."""
+        """Span of the effects and the replications' own parameters; the points' means stay in."""
         own = OwnSpan(self.columns, self.replicate, Levels(np.broadcast_to(NO_GROUP, len(self.point))))
         return own if self.extra is None else WithMore.of(own, self.extra)
 

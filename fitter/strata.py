@@ -30,7 +30,7 @@ from rig.fitter.sums_of_squares import FTest, own_parameters, project_out
 DIFFER = 0.05
 """Significance level for series and replications."""
 WANDERS = 1e-3
-"""The same for neighbours in time, whose distribution is taken as normal."""
+"""Significance level for neighbours in time, whose distribution is taken as normal."""
 TOO_GOOD = 1e-3
 """Probability of so small a ratio of mean squares by chance, below which it is said."""
 _NEARLY = 0.95

@@ -99,11 +99,11 @@ class TapeFile:
         return out
 
     def __enter__(self) -> Self:
-        """See `close`."""
+        """The open tape."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """See `close`."""
+        """Close the file."""
         self.close()
 
     def close(self) -> None:

@@ -39,22 +39,22 @@ class TwinClass(Protocol):
 
     @property
     def wire(self) -> Medium:
-        """See above."""
+        """Kind of its wire."""
         ...
 
     @property
     def roles(self) -> frozenset[Role]:
-        """See above."""
+        """Parts of the plant that it moves, controls or reads."""
         ...
 
     @property
     def faults(self) -> tuple[Kind, ...]:
-        """See above."""
+        """Possible faults besides those of its wire and its power."""
         ...
 
 
 class MakesTwins(TwinClass, Protocol):
-    """The same, called."""
+    """A class of twins that can be called to make one."""
 
     def __call__(self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str) -> Twin:
         """Make the twin.

@@ -86,7 +86,7 @@ class World:
         heappush(self._queue, (self._now + seconds if seconds > 0.0 else self._now, self._count, action))
 
     def timer_in(self, seconds: float, action: Callable[[], None]) -> Timer:
-        """The same; returns a timer to cancel it."""
+        """Call `action` after `seconds`; returns a timer that cancels the call."""
         timer = Timer(action)
         self.call_in(seconds, timer)
         return timer

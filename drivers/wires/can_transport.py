@@ -49,11 +49,11 @@ class BusTransport:
         self._bus: can.BusABC | None = can.Bus(address.channel, address.interface, ignore_config=True, **options)
 
     def send(self, can_id: int, data: bytes) -> None:
-        """See `CanTransport.send`."""
+        """Send a frame."""
         self._open().send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
 
     def recv(self, seconds: float) -> Frame | None:
-        """See `CanTransport.recv`; extended, remote and error frames are skipped."""
+        """The next frame, waiting at most this long, in real seconds; extended, remote and error frames are skipped."""
         message = self._open().recv(seconds)
         for _ in range(_MOST_SKIPPED):
             if message is None:
@@ -64,7 +64,7 @@ class BusTransport:
         return None
 
     def close(self) -> None:
-        """See `CanTransport.close`."""
+        """Release the bus; idempotent."""
         bus, self._bus = self._bus, None
         if bus is not None:
             bus.shutdown()

@@ -43,11 +43,11 @@ class TcpTransport:
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def send(self, data: bytes) -> None:
-        """See `Transport.send`."""
+        """Send all bytes."""
         self._socket.sendall(data)
 
     def recv(self, seconds: float) -> bytes:
-        """See `Transport.recv`."""
+        """Received bytes, waiting at most this long for the first; empty if none came."""
         self._socket.settimeout(seconds)
         # otherwise the sender may keep the rest until our next request acknowledges
         if hasattr(socket, "TCP_QUICKACK"):
@@ -74,7 +74,7 @@ class TcpTransport:
             self._socket.settimeout(before)
 
     def close(self) -> None:
-        """See `Transport.close`."""
+        """Release the wire; idempotent."""
         self._socket.close()
 
 
@@ -101,12 +101,12 @@ class RtuTransport:
         self._heard_at = clock.now() - self._silence
 
     def send(self, data: bytes) -> None:
-        """See `Transport.send`."""
+        """Send all bytes."""
         self._clock.sleep(self._heard_at + self._silence - self._clock.now())
         self._port.write(data)
 
     def recv(self, seconds: float) -> bytes:
-        """See `Transport.recv`."""
+        """Received bytes, waiting at most this long for the first; empty if none came."""
         if self._port.timeout != seconds:  # setting it reprograms a real port
             self._port.timeout = seconds
         heard: bytes = self._port.read(1)
@@ -116,7 +116,7 @@ class RtuTransport:
         return heard
 
     def close(self) -> None:
-        """See `Transport.close`."""
+        """Release the wire; idempotent."""
         self._port.close()
 
 

@@ -44,7 +44,7 @@ class _FramerSocket(FramerSocket):
     """pymodbus's frames over TCP; one whole answer to function 3, nearly all of a night, is taken at once."""
 
     def handleFrame(self, data: bytes, exp_devid: int, exp_tid: int) -> tuple[int, ModbusPDU | None]:  # noqa: N802
-        """See `FramerBase.handleFrame`."""
+        """Number of bytes used, and the answer in them; None if it is not whole yet."""
         whole = len(data)
         if whole > _HEAD.size and _HEAD.unpack_from(data) == (exp_tid, 0, whole - 6, exp_devid, 3, whole - 9):
             words = list(struct.unpack_from(f">{(whole - 9) // 2}H", data, 9))

@@ -51,11 +51,13 @@ class VisaLine(SerialLine):
         return self._visa
 
     def takes_s(self, characters: int) -> float:
-        """See `SerialLine.takes_s`."""
+        """Maximum bench seconds for this many characters on the line; unknown over TCP."""
         return characters / _CHARACTERS_PER_S if self._place.messages else super().takes_s(characters)
 
     def drain(self, waiting: int = 0) -> None:
-        """See `SerialLine.drain`. An instrument that sends messages is cleared instead."""
+        """Listen until the instrument has been silent for `quiet_s`, and discard its bytes. An instrument that sends
+        messages is cleared instead.
+        """
         if not self._place.messages:
             super().drain(waiting)
             return
@@ -64,7 +66,9 @@ class VisaLine(SerialLine):
         self._cleared()
 
     def device_clear(self, character: str, *, with_dtr: bool) -> None:
-        """See `SerialLine.device_clear`. The bus has its own; the character is for a raw socket."""
+        """Send the character for device clear, and listen until the instrument is silent. The bus has its own; the
+        character is for a raw socket.
+        """
         if self._place.messages:
             self.drain()
         else:

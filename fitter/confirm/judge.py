@@ -341,7 +341,7 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
 
 
 def _missed(both: Together, model: FloatArray, changed: FloatArray, shifts: FloatArray) -> float:
-    """See `Member.missed`.
+    """`Member.missed`: what sizes in the first run and error leave of a dynamic effect in the later run, a share of it.
 
     Args:
         both: the runs.

@@ -46,7 +46,7 @@ class Reduced(Together):
 
     @classmethod
     def of(cls, whole: Together, questions: Sequence[Question]) -> Together:
-        """The same for the terms of some questions; as it was if its first run is short."""
+        """These runs reduced to the terms of some questions; as it was if its first run is short."""
         terms = _different(questions)
         fresh, raw = whole.fresh, whole.untouched(terms)
         old = [np.column_stack([own, raw[i], whole.raw_outputs[i]])[~fresh] for i, own in enumerate(whole.declared)]
@@ -82,67 +82,69 @@ class Reduced(Together):
 
     @property
     def df(self) -> int:
-        """See `Together`."""
+        """Degrees of freedom of the error's estimate."""
         return self.whole.df
 
     @property
     def realigned(self) -> bool:
-        """See `Together`."""
+        """Whether the first run does not determine the declared model's parameters in the later one."""
         return self.whole.realigned
 
     @property
     def predicted(self) -> NDArray[np.bool_]:
-        """See `Together`."""
+        """(n,) observations of later runs with the parameters of the first one."""
         later = self.whole.predicted[self.whole.fresh]
         return np.concatenate([np.zeros(self.run.size - later.size, np.bool_), later])
 
     @property
     def own_response(self) -> bool:
-        """See `Together`."""
+        """Whether sensors that nobody moved may have another response in the later run."""
         return self.whole.own_response
 
     @property
     def loose(self) -> FloatArray:
-        """See `Together`."""
+        """(n, l) the later run's own parameters, estimated for its prediction: a zero or an alignment, or none."""
         later = self.whole.loose[self.whole.fresh]
         return np.vstack([np.zeros((self.fresh.size - len(later), later.shape[1])), later])
 
     @property
     def raw_outputs(self) -> FloatArray:
-        """See `Together`."""
+        """(S, n) measured outputs."""
         return self.measured
 
     @property
     def sigma(self) -> FloatArray:
-        """See `Together`."""
+        """(S, n) standard deviation of a reading."""
         return self.errors
 
     @property
     def slope(self) -> FloatArray:
-        """See `Together`."""
+        """(S,) output per unit of the inferred quantity: V/g, or mV/psi."""
         return self.whole.slope
 
     @property
     def declared(self) -> tuple[FloatArray, ...]:
-        """See `Together`."""
+        """(n, d) columns of the declared model, for each sensor."""
         return self.models
 
     @property
     def own(self) -> tuple[tuple[Own, ...], ...]:
-        """See `Together`; those of the later run only."""
+        """Own errors of replications or whole plots, for each sensor; those of the later run only."""
         return self.groups
 
     @cached_property
     def own_df(self) -> tuple[int, ...]:
-        """See `Together`."""
+        """Degrees of freedom of the variance of own errors in the first run, for each sensor; 0 without any."""
         return self.whole.own_df
 
     def untouched(self, terms: Candidates) -> FloatArray:
-        """See `Together`. Raises `KeyError` for terms of no question."""
+        """(S, n, q) unweighted columns of effects as if nobody changed the bench, zero for sensors without the term.
+        Raises `KeyError` for terms of no question.
+        """
         return self.columns[:, :, [self._number[id(term)] for term in terms]]
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
-        """See `Together`."""
+        """These runs with some of the observations only."""
         position = np.cumsum(rows) - 1
         return replace(
             self,

@@ -231,7 +231,7 @@ class Together(ABC):
 
     @abstractmethod
     def only(self, rows: NDArray[np.bool_]) -> Self:
-        """The same with some of the observations."""
+        """These runs with some of the observations only."""
 
     def raw(self, terms: Candidates) -> FloatArray:
         """(S, n, q) unweighted columns of effects with the sizes of the first run, zero where a person changed them."""

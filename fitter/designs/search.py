@@ -28,7 +28,7 @@ RIDGE = 1e-3
 SHAKEN = 0.15
 """Share of the points and whole plots of a good design that are drawn anew."""
 LEFT = 1e-10
-"""The same afterwards: without influence on the result, which is computed without it."""
+"""Information added after the first sweep, per point: without influence on the result, which is computed without it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,9 +69,9 @@ class Done:
     anew: bool = True
 
     def at(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Done:
-        """The same for some of the observations."""
+        """This change among some of the observations."""
         return replace(self, after=self.after[rows])
 
     def among(self, start: int, count: int) -> Done:
-        """The same among `count` observations of several runs, those of its own run from `start` on."""
+        """This change among `count` observations of several runs, those of its own run from `start` on."""
         return replace(self, after=np.pad(self.after, (start, count - start - self.after.size)))

@@ -55,24 +55,24 @@ class Held:
 
     @property
     def rank(self) -> int:
-        """See `Span`."""
+        """Number of columns of Q."""
         return int(self.basis.shape[1])
 
     @cached_property
     def leverage(self) -> FloatArray:
-        """See `Span`."""
+        """(n,) sums of squares of the rows of Q."""
         return np.asarray(np.einsum("ij,ij->i", self.basis, self.basis))
 
     def at(self, rows: IntArray) -> FloatArray:
-        """See `Span`."""
+        """(m, rank) rows of Q."""
         return self.basis[rows]
 
     def expand(self, coordinates: FloatArray) -> FloatArray:
-        """See `Span`."""
+        """(n,) Q times (rank,)."""
         return np.asarray(self.basis @ coordinates)
 
     def project_out(self, values: FloatArray) -> FloatArray:
-        """See `Span`."""
+        """(n,) part of values, levels removed, outside the span."""
         return np.asarray(values - self.basis @ (self.basis.T @ values))
 
 
@@ -95,13 +95,13 @@ class Rows:
     own: IntArray | None = None
 
     def of(self, y: FloatArray) -> Rows:
-        """The same rows with another weighted response (n,)."""
+        """These rows with another weighted response (n,)."""
         other = replace(self, y=y)
         other.__dict__.update(levels=self.levels, span=self.span, kept=self.kept)
         return other
 
     def weighted(self, weight: FloatArray) -> Rows:
-        """The same rows of equal weight, with these weights (n,)."""
+        """These rows, of equal weight so far, with these weights (n,)."""
         return Rows(self.columns * weight[:, None], self.y * weight, weight, self.group, self.own)
 
     def some(self, rows: IntArray) -> Rows:

@@ -55,19 +55,19 @@ class ByStep(ABC):
     @property
     @abstractmethod
     def names(self) -> tuple[str, ...]:
-        """See `Curve`."""
+        """Required columns."""
 
     @property
     @abstractmethod
     def parameters(self) -> tuple[str, ...]:
-        """See `Curve`."""
+        """Names of the k parameters."""
 
     @abstractmethod
     def at(self, b: Sequence[Any], table: Mapping[str, Any]) -> Any:
-        """See `Curve`."""
+        """(n,) values, of complex numbers too; a parameter is a number or (n,)."""
 
     def value(self, b: FloatArray, table: Mapping[str, FloatArray]) -> FloatArray:
-        """See `Curve`."""
+        """(n,) response for (k,) parameters. Raises `FitError` where it is not finite."""
         with np.errstate(all="ignore"):
             found = np.asarray(self.at(b.tolist(), table), np.float64)
         y = np.broadcast_to(found, (_count(self.names, table),))
@@ -78,7 +78,7 @@ class ByStep(ABC):
         return y
 
     def rows(self, b: FloatArray, table: Mapping[str, FloatArray]) -> FloatArray:
-        """See `Curve`."""
+        """(n, k) derivative of the response by the parameters."""
         columns = np.empty((_count(self.names, table), len(b)))
         for j in range(len(b)):
             stepped: list[Any] = b.tolist()
@@ -88,7 +88,7 @@ class ByStep(ABC):
         return columns
 
     def slope(self, b: FloatArray, table: Mapping[str, FloatArray], name: str) -> FloatArray:
-        """See `Curve`."""
+        """(n,) derivative of the response by a column."""
         stepped = {**table, name: np.asarray(table[name], np.float64) + 1j * _STEP}
         with np.errstate(all="ignore"):
             found = np.imag(self.at(b.tolist(), stepped)) / _STEP
@@ -123,16 +123,16 @@ class WrittenCurve(ByStep):
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """See `Curve`."""
+        """Names of the k parameters."""
         return self.named
 
     @property
     def names(self) -> tuple[str, ...]:
-        """See `Curve`."""
+        """Required columns."""
         return tuple(name for name in self.expression.names if name not in self.named)
 
     def at(self, b: Sequence[Any], table: Mapping[str, Any]) -> Any:
-        """See `ByStep`."""
+        """(n,) values, of complex numbers too; a parameter is a number or (n,)."""
         given = {name: table[name] for name in self.names}
         return self.expression.value({**given, **{n: np.asarray(v) for n, v in zip(self.named, b, strict=True)}})
 

@@ -52,20 +52,20 @@ class Weighted:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """See `Problem`."""
+        """Names of the k parameters."""
         return self.curve.parameters
 
     @property
     def size(self) -> float:
-        """See `Problem`."""
+        """Root sum of squares of the measured responses in standard deviations, for rounding errors."""
         return float(np.linalg.norm(self.scale * self.y))
 
     def residuals(self, b: FloatArray) -> FloatArray:
-        """See `Problem`."""
+        """(m,) measured minus fitted. Raises `FitError` where the curve is undefined."""
         return np.asarray(self.scale * (self.y - self.curve.value(b, self.table)))
 
     def columns(self, b: FloatArray) -> FloatArray:
-        """See `Problem`."""
+        """(m, k) derivative of what is fitted: minus that of the residuals."""
         return np.asarray(self.scale[:, None] * self.curve.rows(b, self.table))
 
     def scale_at(self, b: FloatArray) -> FloatArray:
@@ -106,20 +106,20 @@ class Distance:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """See `Problem`."""
+        """Names of the k parameters."""
         return self.curve.parameters
 
     @property
     def size(self) -> float:
-        """See `Problem`."""
+        """Root sum of squares of the measured responses in standard deviations, for rounding errors."""
         return float(np.linalg.norm(self.y / self.u_y))
 
     def residuals(self, b: FloatArray) -> FloatArray:
-        """See `Problem`."""
+        """(m,) measured minus fitted. Raises `FitError` where the curve is undefined."""
         return self._measured(b).residuals(self.true_values(b)[self.name])
 
     def columns(self, b: FloatArray) -> FloatArray:
-        """See `Problem`."""
+        """(m, k) derivative of what is fitted: minus that of the residuals."""
         at = self.true_values(b)
         return np.asarray(self.curve.rows(b, at) / self._effective(b, at)[:, None])
 
@@ -175,12 +175,12 @@ class Correlated:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """See `Problem`."""
+        """Names of the k parameters."""
         return (*(f"{self.name}[{i}]" for i in range(len(self.y))), *self.curve.parameters)
 
     @property
     def size(self) -> float:
-        """See `Problem`."""
+        """Root sum of squares of the measured responses in standard deviations, for rounding errors."""
         both = np.concatenate([self.table[self.name], self.y])
         return float(np.linalg.norm(solve_triangular(self._root, both, lower=True)))
 
@@ -196,13 +196,13 @@ class Correlated:
         return np.concatenate([self.table[self.name], b])
 
     def residuals(self, b: FloatArray) -> FloatArray:
-        """See `Problem`."""
+        """(m,) measured minus fitted. Raises `FitError` where the curve is undefined."""
         xi, curve, at = self._parts(b)
         left = np.concatenate([self.table[self.name] - xi, self.y - self.curve.value(curve, at)])
         return np.asarray(solve_triangular(self._root, left, lower=True))
 
     def columns(self, b: FloatArray) -> FloatArray:
-        """See `Problem`."""
+        """(m, k) derivative of what is fitted: minus that of the residuals."""
         xi, curve, at = self._parts(b)
         slope = np.diag(self.curve.slope(curve, at, self.name))
         made = np.block([[np.eye(len(xi)), np.zeros((len(xi), len(curve)))], [slope, self.curve.rows(curve, at)]])

@@ -224,7 +224,7 @@ class SplitPlotDesign:
 
     @cached_property
     def _replicates_not_estimable(self) -> str | None:
-        """The same for the error between replications."""
+        """Why the error between replications cannot be estimated; None if it can."""
         if self.replicates is None:
             return None
         between = len(self.nesting.replicate_spectrum.xi)

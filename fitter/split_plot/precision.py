@@ -76,7 +76,7 @@ class Moments:
         return np.asarray(2.0 * np.einsum("ij,iak,jal->kl", self.inverse_information, cross, cross))
 
     def in_basis(self) -> Moments:
-        """The same for the coefficients of the orthonormal basis; with the columns' root T the above is T (.) T'."""
+        """Moments of the coefficients of the orthonormal basis; with the columns' root T the above is T (.) T'."""
         spectrum = self.structure.spectrum
         root = spectrum.fixed.root
         fixed = replace(spectrum.fixed, root=np.eye(len(root)))

@@ -119,7 +119,7 @@ class _Case:
         return size * float(mean), size * float(worst)
 
     def stretched(self, low_deg: float, high_deg: float) -> tuple[float, float]:
-        """The same for the same points with their pitch scaled to another range."""
+        """Mean and worst ratio, as of `better`, for these points with their pitch scaled to another range."""
         pitch = self.points.pitch_deg
         share = (pitch - pitch.min()) / np.ptp(pitch)
         return self.better(replace(self.points, pitch_deg=low_deg + (high_deg - low_deg) * share))

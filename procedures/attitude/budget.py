@@ -50,7 +50,7 @@ class AttitudeEvaluation(Evaluation):
         self._expected: Mapping[str, float] = {}
 
     def explain(self, expected: Mapping[str, float]) -> None:
-        """See `Evaluation`."""
+        """Say before anything else what sum of squares stated errors leave in the residuals, by sensor."""
         if "_model" in vars(self):
             raise ValueError("errors are to be explained before anything is evaluated")
         self._expected = expected
@@ -70,7 +70,7 @@ class AttitudeEvaluation(Evaluation):
 
     @cached_property
     def columns(self) -> Columns:
-        """See `Evaluation`."""
+        """The recorded columns that it uses, corrected."""
         d = self._data
         warm = {SENSOR_TEMPERATURE: d.sensor_temperature_degC} if d.sensor_temperature_degC is not None else {}
         warm = warm if self._temperature else {}
@@ -78,13 +78,13 @@ class AttitudeEvaluation(Evaluation):
 
     @cached_property
     def settings(self) -> Mapping[str, IntArray]:
-        """See `Evaluation`."""
+        """(n,) number of the setting of each observation, from 0, by the column of a factor; "" for points of all."""
         d = self._data
         return {PITCH: settings(d.pitch_deg), ROLL: settings(d.roll_deg), "": d.point}
 
     @property
     def replication(self) -> IntArray:
-        """See `Evaluation`."""
+        """(n,) number of the replication of each observation, from 0."""
         return self._data.replicate_index
 
     def _coefficients(self, moved: Mapping[str, FloatArray]) -> FloatArray:
@@ -134,18 +134,18 @@ class AttitudeEvaluation(Evaluation):
         return self._coefficients({})
 
     def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
-        """See `Evaluation`."""
+        """(k,) coefficients of the calibration by sensor, with additions to columns."""
         mine = {name: moved for name, moved in columns.items() if name in self.columns}
         found = self._coefficients(mine) if mine else self._base
         return dict(zip(self._plain.names, found, strict=True))
 
     def residuals(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
-        """See `Evaluation`."""
+        """(n,) residuals of the fit by sensor, with additions to columns; none where scatter needs no repeats."""
         mine = {name: moved for name, moved in columns.items() if name in self.columns}
         return dict(zip(self._plain.names, self._solved(mine)[1], strict=True))
 
     def evaluate(self, shift: Shift) -> FloatArray:
-        """See `Evaluation`."""
+        """(m,) values of the results with changed inputs."""
         columns = {name: moved for name, moved in shift.columns.items() if name in self.columns}
         coefficients = self._coefficients(columns) if columns else self._base
         readings = self._model.readings
@@ -158,7 +158,7 @@ class AttitudeEvaluation(Evaluation):
 
     @cached_property
     def results(self) -> Results:
-        """See `Evaluation`."""
+        """Results of the columns as they are."""
         model = self._model
         named = list(model.named())
         values = model.values(self._base, model.readings, model.gravity)
@@ -194,7 +194,7 @@ class AttitudeEvaluation(Evaluation):
         return replace(calibration, sensors=tuple(sensors), covariance=covariance)
 
     def described(self, sensor: str) -> str:
-        """See `Evaluation`."""
+        """How a sensor's output follows from its coefficients, a sentence; "" if it is not said."""
         across = " - my cos(pitch) sin(roll) - mz cos(pitch) cos(roll)" if self._data.has_roll else " - mz cos(pitch)"
         warm = self._plain.reference_degC
         at = f", at a sensor temperature of {warm:.1f} degC" if self._temperature and warm is not None else ""
@@ -204,12 +204,14 @@ class AttitudeEvaluation(Evaluation):
         )
 
     def charted(self, sensor: str) -> tuple[str, FloatArray]:
-        """See `Evaluation`: an angle is an output over the sensitivity, in degrees."""
+        """Unit of a sensor's errors in its control chart, and (p,) its output at the points per such a unit. An angle
+        is an output over the sensitivity, in degrees.
+        """
         m = self._base[self._plain.names.index(sensor), 1:]
         return "deg", np.full(len(self._at), np.radians(np.linalg.norm(m)))
 
     def stored(self) -> Any:
-        """See `Evaluation`."""
+        """The calibration to use with these results, as JSON values, if it is not that of the fit; None if it is."""
         return self._model.calibration.to_dict()
 
     @cached_property
@@ -254,7 +256,9 @@ class AttitudeEvaluation(Evaluation):
         return None
 
     def reversibility(self) -> Iterable[TypeA]:
-        """See `Evaluation`: for each sensor and axis."""
+        """Differences between rising and falling series, as covariances of the results, which are half-way between. For
+        each sensor and axis.
+        """
         for name, _, differs in self._sides:
             if differs is not None:
                 yield line_of(name, self._jacobian @ differs)
@@ -301,7 +305,7 @@ class AttitudeEvaluation(Evaluation):
                 )
 
     def notes(self) -> Iterable[str]:
-        """See `Evaluation`."""
+        """Sentences about the scatter."""
         drift = told_of_drift({one.name: self._fits[one.name].replication for one in self._plain.sensors})
         yield from (words for words in (drift, *(one.sentence(name) for name, one in self._scatter.items())) if words)
         yield from (in_words(name, test) for name, test, _ in self._sides if test.p < DIFFER)

@@ -45,23 +45,30 @@ class TracedEvaluation(AttitudeEvaluation):
         self._held = np.array([held[name] for name in data.outputs])
 
     def _by_side(self, name: str, axis: str) -> FloatArray | None:
-        """See `AttitudeEvaluation`: of what is the sensor's, or cannot be told from it; the head has no part in use."""
+        """(n,) the part of a sensor's readings taken off that is of the direction of an axis, V; None without any.
+
+        Only what is the sensor's, or cannot be told from it: the head has no part in use.
+        """
         perhaps = {named for named, member, _ in self._plain.alternatives if _sided(member, axis)}
         each = [by[name] for one, by in self._effects.items() if name in by and (_sided(one, axis) or one in perhaps)]
         return np.sum([one if one.ndim == 1 else one.sum(axis=1) for one in each], axis=0) if each else None
 
     def _solved(self, moved: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
-        """See `AttitudeEvaluation`; of outputs without the effects."""
+        """(S, k) coefficients of the declared model and (S, n) residuals, with additions to columns, of outputs without
+        the effects.
+        """
         without = {name: moved.get(name, 0.0) - held for name, held in zip(self._data.outputs, self._held, strict=True)}
         return super()._solved({**moved, **without})
 
     def _coefficients(self, moved: Mapping[str, FloatArray]) -> FloatArray:
-        """See `AttitudeEvaluation`; those of the calibration with effects, changed as errors change the others."""
+        """(S, 4) coefficients of the declared model with additions to columns. Those of the calibration with effects,
+        changed as errors change the others.
+        """
         own = np.array([one.coefficients[:4] for one in self._plain.sensors])
         return np.asarray(own + super()._coefficients(moved) - super()._coefficients({})) if moved else own
 
     def _with_scatter(self, calibration: AttitudeCalibration) -> AttitudeCalibration:
-        """As it is: the effects are out of the residuals."""
+        """The calibration unchanged: the effects are out of the residuals."""
         return calibration
 
     def model_errors(self) -> Iterator[TypeA]:
@@ -78,7 +85,7 @@ class TracedEvaluation(AttitudeEvaluation):
             yield alike(named, members)
 
     def notes(self) -> Iterable[str]:
-        """See `Evaluation`."""
+        """Sentences about the scatter."""
         if self._effects:
             yield f"with the effects {', '.join(self._effects)}, held at the size that the trace found"
         yield from self._plain.notes

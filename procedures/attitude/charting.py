@@ -28,12 +28,12 @@ sensor exceeds it.
 
 
 class AttitudeCharting(Charting):
-    """See `rig.procedures.evaluate.charting.Charting`."""
+    """Control charts of accelerometers, by their parameters."""
 
     at_one_temperature = True
 
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
-        """See `Charting`."""
+        """Calibrate every sensor of a table."""
         if formula is not None:
             raise DataError(
                 f"{table.source} holds a pitch-roll calibration, whose model is its geometry; --formula is for whole "
@@ -55,7 +55,7 @@ class AttitudeCharting(Charting):
         )
 
     def of_file(self, content: Mapping[str, Any], source: str) -> Calibrations:
-        """See `Charting`."""
+        """Calibrations from a file of `rig fit --out` of this kind."""
         sensors, kept = calibrated_from(content), content["calibration"]
         degC = kept["reference_degC"]
         return Calibrations(
@@ -68,7 +68,7 @@ class AttitudeCharting(Charting):
         )
 
     def model(self, sensor: Calibrated) -> str:
-        """See `Charting`."""
+        """The fitted model of a sensor; only calibrations of one model are charted together."""
         return sensor.model
 
     def apart(self, first: Calibrated, later: Calibrated, between: str) -> str:
@@ -83,7 +83,7 @@ class AttitudeCharting(Charting):
         )
 
     def at(self, sensor: Calibrated, degC: float) -> Calibrated:
-        """See `Charting`."""
+        """A sensor at another temperature, if it is possible."""
         return sensor.at(degC)
 
     def view(self, every: Sequence[Calibrated], years: FloatArray, usage: float | None) -> View:

@@ -17,7 +17,7 @@ from rig.procedures.present.numbers import number
 
 @dataclass(frozen=True)
 class DesignsCompared:
-    """See `rig.procedures.evaluate.results.Compared`."""
+    """Designs of pitch and roll, compared by precision over the range of use."""
 
     rows: Sequence[Comparison]
     hours: Sequence[float]
@@ -27,7 +27,7 @@ class DesignsCompared:
     best: Recommendation | None
 
     def to_json(self) -> dict[str, Any]:
-        """See `Compared`."""
+        """JSON values for `rig plan --compare --json`, without files; "designs" in the given order."""
         return {
             "usage_deg": self.usage.pitch_half_deg,
             "sigma_deg": self.sigma_deg,
@@ -36,7 +36,7 @@ class DesignsCompared:
         }
 
     def blocks(self) -> Iterator[Block]:
-        """See `Compared`."""
+        """Blocks for people."""
         title = f"Used within {self.usage}, one observation {self.sigma_deg:.1e} deg (expect.sigma_deg)"
         headings = ("procedure", "points", "time", "mean sd", "worst sd", "at", "V^1/2", "pads from")
         grid = Grid(headings, title=title, frame="plain")

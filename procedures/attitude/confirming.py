@@ -43,7 +43,7 @@ GOES_ON = 0.0, 0.5, 1.0
 
 @dataclass(frozen=True, eq=False)
 class AttitudeConfirming(Confirming):
-    """See `rig.procedures.evaluate.confirming.Confirming`."""
+    """A traced run of the package, as the first of two; errors are angles."""
 
     traced: AttitudeTraced
     earlier: tuple[Later, ...] = ()
@@ -56,24 +56,24 @@ class AttitudeConfirming(Confirming):
     passes = 1, 2, 4
 
     def own_words(self, *, realigned: bool) -> str:
-        """See `Confirming`."""
+        """Parameters estimated from the further run itself for its prediction, in words; "" if there are none."""
         return "offset and sensitive axes are the further run's own" if realigned else ""
 
     def later(self, table: Table) -> AttitudeData:
-        """See `Confirming`."""
+        """Observations of a later run. Raises `DataError`."""
         return attitude_data(table)
 
     def beside(self, later: AttitudeData, after_s: float, done: Sequence[Done] = ()) -> AttitudeTogether:
-        """See `Confirming`."""
+        """This run, the earlier further ones, and a later one with changes by a person. Raises `FitError`."""
         return AttitudeTogether.of(self.found, self.data, [*self.earlier, Later(later, after_s, done)])
 
     @property
     def catalogue(self) -> Sequence[Entry]:
-        """See `Confirming`."""
+        """Effects that the trace looked for."""
         return CATALOGUE
 
     def standing(self, variation: Variation) -> Variation:
-        """See `Confirming`."""
+        """A possible run as a person finds the bench after the earlier ones: whether something has to be turned."""
         if not self.earlier:
             return variation
         turn = variation.procedure.mounting
@@ -81,17 +81,21 @@ class AttitudeConfirming(Confirming):
         return replace(variation, turned=not np.allclose(now, then, atol=1e-9))
 
     def whole(self, group: Sequence[Variation], times: int) -> Variation:
-        """See `Confirming`: the largest design of few enough points."""
+        """The run of a group with all points that can be chosen, so many times each; None if points are not chosen. The
+        largest design of few enough points.
+        """
         sizes = [len(variation.procedure.design.build()) for variation in group]
         most = max((size for size in sizes if size <= MOST_CANDIDATES), default=min(sizes))
         return repeated(group[sizes.index(most)], times)
 
     def units(self, run_list: RunList) -> IntArray:
-        """See `Confirming`: a point of the design, in all replications."""
+        """(n,) number of the unit of each point of a run with all of them: units are chosen together. A point of the
+        design, in all replications.
+        """
         return np.asarray(_points(run_list)[1], np.int64)
 
     def chosen(self, whole: Variation, units: Sequence[int]) -> Variation:
-        """See `Confirming`."""
+        """The run with these units only."""
         points = self._candidates(whole)
         design = DesignSettings(
             type="points", points_deg=[tuple(at) for at in short_path(points[list(units)]).tolist()]
@@ -127,27 +131,27 @@ class AttitudeConfirming(Confirming):
         return both
 
     def hours(self, variation: Variation, run_list: RunList) -> float:
-        """See `Confirming`."""
+        """Bench time of a run, hours, from that of this run."""
         procedure: PitchRollProcedure = variation.procedure
         soak = procedure.environment.dwell_s if procedure.environment is not None else 0.0
         return (len(run_list) * _point_s(self.data, run_list) + soak) / 3600.0
 
     def size(self, procedure: PitchRollProcedure) -> str:
-        """See `Confirming`."""
+        """Points and replications, for a table."""
         return in_words(len(procedure.design.build()), procedure.replications)
 
     def mounting(self, procedure: PitchRollProcedure) -> Mapping[str, float] | None:
-        """See `Confirming`."""
+        """How the package is turned in a run, deg about each axis; None where it is as usual, or nothing is turned."""
         return procedure.mounting.model_dump() if procedure.mounting.turned else None
 
     def separated_by(self, one: Entry, other: Entry) -> str:
-        """See `Confirming`."""
+        """The measurement that would separate two effects."""
         assert isinstance(one, Effect)
         assert isinstance(other, Effect)
         return separate(one, other)
 
     def variables(self) -> Mapping[str, tuple[str, float]]:
-        """See `Confirming`."""
+        """Fields of observations for plots of residuals: label and scale."""
         return {
             "pitch_deg": ("pitch / deg", 1.0),
             "roll_deg": ("roll / deg", 1.0),

@@ -16,7 +16,7 @@ _TO_GRAVITY = np.array([1.0, -1.0, -1.0])
 
 
 def expected(calibration: AttitudeCalibration, columns: Columns, mounting: Mapping[str, float]) -> dict[str, Expected]:
-    """See `rig.procedures.plan.expected.Expecting`."""
+    """Expected readings of the sensors of a bench, by a calibration of the package."""
     if PITCH not in columns or ROLL not in columns:
         return {}
     g = attitude_columns(columns[PITCH], columns[ROLL])[:, 1:] * _TO_GRAVITY

@@ -323,7 +323,7 @@ def parameter_table(p: AttitudeParameters | NoRollParameters, df: float) -> dict
 
 
 def temperature_table(temperature: Temperature | None, S_V: float, df: int) -> dict[str, JsonValue]:
-    """The same for the temperature terms, per degC above the reference; {} without."""
+    """Estimates and intervals of the temperature terms, per degC above the reference; {} without."""
     if temperature is None:
         return {}
     unit = 1e6 * np.array([1.0, 1.0 / S_V])

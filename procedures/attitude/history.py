@@ -63,7 +63,7 @@ class Calibrated:
     warmth: Warmth | None = None
 
     def at(self, degC: float) -> Calibrated:
-        """The same at another sensor temperature; unchanged if the declared model has no temperature."""
+        """This calibration at another sensor temperature; unchanged if the declared model has no temperature."""
         if self.warmth is None:
             return self
         by = degC - self.warmth.reference_degC

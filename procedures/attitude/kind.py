@@ -54,20 +54,20 @@ class AttitudeKind(Kind):
 
     @property
     def settings(self) -> type[PitchRollProcedure]:
-        """See `Kind`."""
+        """The model of procedure files, whose instances are a `Procedure`; None if the kind has no runs on a bench."""
         from rig.procedures.attitude.settings import PitchRollProcedure  # noqa: PLC0415
 
         return PitchRollProcedure
 
     @cached_property
     def own_effects(self) -> Grammar:
-        """See `Kind`."""
+        """Grammar of a laboratory's own effects; None if they are not possible."""
         from rig.procedures.attitude.effects.own import GRAMMAR  # noqa: PLC0415
 
         return GRAMMAR
 
     def explained(self, topic: str) -> str:
-        """See `Kind`."""
+        """Markdown for `rig explain effects` (its catalogue) and `rig explain models`; "" for none."""
         from rig.procedures.attitude.effects.catalogue import catalogue  # noqa: PLC0415
 
         return catalogue() if topic == "effects" else ""
@@ -108,19 +108,21 @@ class AttitudeKind(Kind):
         return FractionsCompared(result, source.table, options.points)
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
-        """See `Kind`."""
+        """Find effects missing in the declared model; arguments and errors as for `fit`."""
         from rig.procedures.attitude.evaluate import trace_attitude_table  # noqa: PLC0415
 
         return trace_attitude_table(source.table, temperature=options.temperature, unnamed=options.unnamed, own=own)
 
     def calibration_of(self, given: Mapping[str, Any]) -> AttitudeCalibration:
-        """See `Kind`."""
+        """The calibration from the JSON of `rig fit --out`. Raises the errors of indexing and converting unknown
+        values.
+        """
         from rig.procedures.attitude.infer import AttitudeCalibration  # noqa: PLC0415
 
         return AttitudeCalibration.from_dict(given.get("budget", {}).get("calibration") or given["calibration"])
 
     def expected(self, procedure: PitchRollProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
-        """See `Kind`."""
+        """A run as it is planned, for a forecast of total uncertainties."""
         from rig.procedures.attitude.planned import expected_run  # noqa: PLC0415
 
         return expected_run(procedure, run_list, sensors)
@@ -128,7 +130,9 @@ class AttitudeKind(Kind):
     def with_coefficients(
         self, calibration: AttitudeCalibration, coefficients: Mapping[str, FloatArray]
     ) -> AttitudeCalibration:
-        """See `Kind`; those of the declared model."""
+        """A calibration from `calibration_of` with other coefficients (k,) by sensor, as `Evaluation.coefficients`
+        gives them, of the declared model.
+        """
         from rig.procedures.attitude.results import with_coefficients  # noqa: PLC0415
 
         return with_coefficients(calibration, np.array([coefficients[name] for name in calibration.names]))
@@ -136,7 +140,7 @@ class AttitudeKind(Kind):
     def for_readings(
         self, calibration: AttitudeCalibration, within: Mapping[str, Within], count: float
     ) -> AttitudeCalibration:
-        """See `Kind`."""
+        """A calibration from `calibration_of` for readings in use that are the mean of another number of them."""
         from rig.procedures.evaluate.readings import scatter_of  # noqa: PLC0415
 
         return calibration.for_readings({n: scatter_of(n, within, count) for n in calibration.names}, count)
@@ -158,14 +162,14 @@ class AttitudeKind(Kind):
         )
 
     def confirming(self, traced: AttitudeTraced) -> Confirming:
-        """See `Kind`."""
+        """A run that it traced, as the first of two; None if no further run is possible."""
         from rig.procedures.attitude.confirming import AttitudeConfirming  # noqa: PLC0415
 
         return AttitudeConfirming(traced)
 
     @property
     def budget_options(self) -> type[BudgetOptions]:
-        """See `Kind`."""
+        """Options of `rig budget` for this kind only."""
         return BudgetOptions
 
     def evaluation(
@@ -179,25 +183,25 @@ class AttitudeKind(Kind):
         )
 
     def charting(self) -> Charting:
-        """See `Kind`."""
+        """Control charts of its sensors. Raises `DataError` if there are none."""
         from rig.procedures.attitude.charting import CHARTING  # noqa: PLC0415
 
         return CHARTING
 
     def expecting(self, calibration: AttitudeCalibration) -> Expecting:
-        """See `Kind`."""
+        """Expected readings of the sensors of a bench by a calibration from `calibration_of`."""
         from rig.procedures.attitude.expected import expected  # noqa: PLC0415
 
         return partial(expected, calibration)
 
     def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
-        """See `Kind`."""
+        """Columns of the declared model of the outputs, for residuals of a running run."""
         from rig.procedures.attitude.expected import model_columns  # noqa: PLC0415
 
         return model_columns(columns, temperature=bool(declared.get("temperature")))
 
     def unused(self, table: Table) -> Unused:
-        """See `Kind`."""
+        """Columns of a table that fits and traces do not use."""
         from rig.procedures.attitude.table import KNOWN, UNIT  # noqa: PLC0415
 
         return unused_in_fit(table, KNOWN, UNIT)
@@ -229,13 +233,13 @@ class AttitudeKind(Kind):
         return compare_designs(procedures, names, axes, usage, hours)
 
     def judge(self, procedure: PitchRollProcedure, table: Table) -> Sequence[Verdict]:
-        """See `Kind`."""
+        """Every sensor of a complete run compared with the procedure's limit; none without one. Raises `DataError`."""
         from rig.procedures.attitude.fitted import judge  # noqa: PLC0415
 
         return judge(procedure, table)
 
     def further_runs(self, procedure: PitchRollProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
-        """See `Kind`."""
+        """Runs to follow a procedure, grouped by what they change, each group from the smallest to the largest."""
         from rig.procedures.attitude.further_runs import further_runs  # noqa: PLC0415
 
         return further_runs(procedure, limits, chamber=chamber)

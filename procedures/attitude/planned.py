@@ -52,7 +52,7 @@ _GRAVITY_SIGN = (1.0, -1.0, -1.0)
 
 
 def expected_run(procedure: PitchRollProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
-    """See `Kind.expected`; sensors along the axes of the package, without offset."""
+    """The run as planned, for a forecast: sensors lie along the axes of the package and have no offset."""
     expect = procedure.expect
     S = expect.sensitivity_V_per_g or 1.0
     pitch, roll = (np.array(run_list.column(name), np.float64) for name in ("pitch_deg", "roll_deg"))

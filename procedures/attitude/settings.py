@@ -130,7 +130,7 @@ class SettleSettings(Strict):
     timeout_s: Positive = Field(120.0, description="then the settling has failed")
 
     def judged(self) -> Settle:
-        """The same for the sequencer."""
+        """This criterion as the sequencer takes it."""
         return Settle(self.band_deg, self.dwell_s, self.drift_deg_per_s, self.timeout_s)
 
 

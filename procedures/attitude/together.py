@@ -68,7 +68,7 @@ class SensorNoise:
 
 @dataclass(frozen=True, eq=False)
 class AttitudeTogether(Together):
-    """See `Together`.
+    """Two or more runs of the package, with the references of the first trace.
 
     Attributes:
         scene: of all observations; its references are those of the first run's trace.
@@ -110,7 +110,7 @@ class AttitudeTogether(Together):
 
     @property
     def df(self) -> int:
-        """See `Together`."""
+        """Degrees of freedom of the error's estimate."""
         return min(noise.df for noise in self.noise.values())
 
     @property
@@ -120,7 +120,7 @@ class AttitudeTogether(Together):
 
     @property
     def predicted(self) -> NDArray[np.bool_]:
-        """See `Together`."""
+        """(n,) observations of later runs with the parameters of the first one."""
         return self.fresh & ~self.unknown
 
     @property
@@ -176,7 +176,9 @@ class AttitudeTogether(Together):
         return raw_columns(self.scene, terms)
 
     def shapes(self, *, lasting: bool) -> Iterator[tuple[str, FloatArray]]:
-        """See `Together`: the places where a trace looks for shapes without a name."""
+        """(S, n, m) smooth unweighted columns over what was recorded in the later run, each place after its name. The
+        places where a trace looks for shapes without a name.
+        """
         count, n = len(self.sensors), len(self.data)
         for place in places_of(self.scene):
             if lasting and place.level != "replications":
@@ -190,7 +192,7 @@ class AttitudeTogether(Together):
             yield place.text, raw * self.fresh[:, None]
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
-        """See `Together`."""
+        """These runs with some of the observations only."""
         done = tuple(one.at(rows) for one in self.done)
         scene = self.scene.on(self.data.take(np.flatnonzero(rows)))
         run, part, unknown = self.run[rows], self.part[rows], self.unknown[rows]

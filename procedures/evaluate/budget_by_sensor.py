@@ -58,7 +58,7 @@ class EvaluationBySensor(Evaluation):
         """The sensors, in the order of the results."""
 
     def reversibility(self) -> Iterator[TypeA]:
-        """See `Evaluation`."""
+        """Differences between rising and falling series, as covariances of the results, which are half-way between."""
         ends = np.cumsum([len(list(one.named())) for one in self.each])
         for one, end in zip(self.each, ends.tolist(), strict=True):
             if (differs := one.reversibility) is not None:
@@ -70,7 +70,7 @@ class EvaluationBySensor(Evaluation):
         return one.values(one.fitted, readings)[-len(readings) :]
 
     def evaluate(self, shift: Shift) -> FloatArray:
-        """See `Evaluation`."""
+        """(m,) values of the results with changed inputs."""
         coefficients = self.coefficients(shift.columns)
         found = []
         for one in self.each:
@@ -82,7 +82,7 @@ class EvaluationBySensor(Evaluation):
 
     @cached_property
     def results(self) -> Results:
-        """See `Evaluation`. Raises `FitError` if a result is not determined at its point."""
+        """Results of the columns as they are. Raises `FitError` if a result is not determined at its point."""
         named = [(name, unit, one.name) for one in self.each for name, unit in one.named()]
         values = self.evaluate(Shift())
         if not np.isfinite(values).all():

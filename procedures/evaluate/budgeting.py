@@ -177,8 +177,7 @@ class Evaluation(ABC):
         return ()
 
     def elsewhere(self, used: Collection[str]) -> Sequence[Evaluation]:
-        """The same at its points, with quantities outside `used` as they were in some rows of the run; itself if there
-        are none.
+        """This evaluation with quantities outside `used` as they were in some rows of the run; itself if none are.
 
         Results by a model that has only the `used` ones hold at all of these.
         """
@@ -196,7 +195,7 @@ class Evaluation(ABC):
         return ()
 
     def moved_to(self, at: Sequence[Mapping[str, float]]) -> Evaluation:
-        """The same at other points, of a kind that has `grids`."""
+        """This evaluation at other points; only of a kind that has `grids`."""
         raise NotImplementedError
 
     def kept_variance(self, output: str) -> FloatArray:

@@ -44,7 +44,7 @@ class Change:
 
     @property
     def unchanged(self) -> str:
-        """The same if nothing was added to the model."""
+        """A part of a sentence, if nothing was added to the model."""
         return f"{self.of} is {self.before:.3g} {self.unit}".rstrip()
 
 

@@ -52,7 +52,7 @@ class Confirming(ABC):
         return self.unit
 
     def after(self, earlier: Sequence[Later]) -> Self:
-        """The same run after further ones."""
+        """This run as one that comes after further ones."""
         this: Any = self
         after: Self = replace(this, earlier=tuple(earlier))
         return after

@@ -64,11 +64,11 @@ class GeneralEvaluation(EvaluationBySensor):
                 raise FitError(f"{one.name}: as many rows as coefficients: its scatter is not known; measure more")
 
     def explain(self, expected: Mapping[str, float]) -> None:
-        """See `Evaluation`."""
+        """Say before anything else what sum of squares stated errors leave in the residuals, by sensor."""
         self._each = [replace(one, expected=expected.get(one.name)) for one in self._each]
 
     def residuals(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
-        """See `Evaluation`."""
+        """(n,) residuals of the fit by sensor, with additions to columns; none where scatter needs no repeats."""
         found = {}
         for one in self._each:
             uses = {*one.plain.formula.names, one.name}
@@ -76,11 +76,14 @@ class GeneralEvaluation(EvaluationBySensor):
         return found
 
     def stored(self) -> Any:
-        """See `Evaluation`."""
+        """The calibration to use with these results, as JSON values, if it is not that of the fit; None if it is."""
         return {one.name: one.calibration.to_dict() for one in self._each}
 
     def grids(self) -> Mapping[str, tuple[str, Sequence[Mapping[str, float]]]]:
-        """See `Evaluation`: over all that was calibrated, at the means of the other quantities."""
+        """By output, the quantity that a reading determines, and points along it at which lines of the budget that are
+        no change of coefficients are kept for the use of a calibration; {} where a kind keeps none. Over all that was
+        calibrated, at the means of the other quantities.
+        """
         table, found = self._table, {}
         names = {*table.factors, *(name for one in self._each for name in one.calibration.formula.names)}
         means = {name: float(table.columns[name].mean()) for name in names if name in table.columns}
@@ -92,12 +95,12 @@ class GeneralEvaluation(EvaluationBySensor):
         return found
 
     def kept_variance(self, output: str) -> FloatArray:
-        """See `Evaluation`."""
+        """(p,) variance of values inferred from an output at the points, by the calibration alone that is kept."""
         one = next(one for one in self._each if one.name == output)
         return np.asarray(one.calibration.reading_variance(one.rows)[0] / one.slope**2)
 
     def notes(self) -> Iterable[str]:
-        """See `Evaluation`."""
+        """Sentences about the scatter."""
         for one in self._each:
             if one.readings_scatter is not None and (words := one.readings_scatter.sentence(one.name)):
                 yield words
@@ -107,11 +110,11 @@ class GeneralEvaluation(EvaluationBySensor):
                 yield one.about_inferred
 
     def hints(self) -> Iterable[str]:
-        """See `Evaluation`."""
+        """Sentences for the person who asks for a budget: which results are not there, and what would state them."""
         return (one.not_inferred for one in self._each if one.not_inferred)
 
     def described(self, sensor: str) -> str:
-        """See `Evaluation`."""
+        """How a sensor's output follows from its coefficients, a sentence; "" if it is not said."""
         formula = next(one for one in self._each if one.name == sensor).calibration.formula
         unit = spelled(unit_of(sensor))
         if isinstance(formula, Formula):
@@ -119,35 +122,37 @@ class GeneralEvaluation(EvaluationBySensor):
         return f"Output in {unit}: {formula}"
 
     def charted(self, sensor: str) -> tuple[str, FloatArray]:
-        """See `Evaluation`: errors of curves are in the output's unit."""
+        """Unit of a sensor's errors in its control chart, and (p,) its output at the points per such a unit. Errors of
+        curves are in the output's unit.
+        """
         one = next(one for one in self._each if one.name == sensor)
         return unit_of(sensor), np.ones_like(one.readings)
 
     @property
     def each(self) -> Sequence[Sensor]:
-        """See `EvaluationBySensor`."""
+        """The sensors, in the order of the results."""
         return self._each
 
     @cached_property
     def columns(self) -> Columns:
-        """See `Evaluation`."""
+        """The recorded columns that it uses, corrected."""
         used = {name for one in self._each for name in one.calibration.formula.names}
         used |= {one.name for one in self._each}
         return {name: values for name, values in self._table.columns.items() if name in used}
 
     @cached_property
     def settings(self) -> Mapping[str, IntArray]:
-        """See `Evaluation`."""
+        """(n,) number of the setting of each observation, from 0, by the column of a factor; "" for points of all."""
         number = {name: setting_of(self._table, name) for name in self._table.factors}
         return {**number, "": points_of(self._table)}
 
     @cached_property
     def replication(self) -> IntArray:
-        """See `Evaluation`."""
+        """(n,) number of the replication of each observation, from 0."""
         return replication_of(self._table)
 
     def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
-        """See `Evaluation`."""
+        """(k,) coefficients of the calibration by sensor, with additions to columns."""
         found = {}
         for one in self._each:
             uses = {*one.calibration.formula.names, one.name}

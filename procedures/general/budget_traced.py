@@ -45,11 +45,11 @@ class TracedEvaluation(GeneralEvaluation):
 
     @property
     def outcomes(self) -> Sequence[Outcome]:
-        """See `Evaluation`."""
+        """Outcomes of the trace, if the model has its effects, and the kind has `grids`."""
         return self._found.outcomes
 
     def moved_to(self, at: Sequence[Mapping[str, float]]) -> TracedEvaluation:
-        """See `Evaluation`."""
+        """The same at other points, of a kind that has `grids`."""
         return TracedEvaluation(self._recorded, at, self._found)
 
     @cached_property
@@ -68,7 +68,9 @@ class TracedEvaluation(GeneralEvaluation):
         return found
 
     def elsewhere(self, used: Collection[str]) -> Sequence[TracedEvaluation]:
-        """See `Evaluation`: at some rows, evenly along the quantities, in their order."""
+        """The same at its points, with quantities outside `used` as they were in some rows of the run; itself if there
+        are none. At some rows, evenly along the quantities, in their order.
+        """
         names = {name for one in self._each for name in one.calibration.formula.names}
         free = sorted(name for name in names if name not in used and name in self._table.columns)
         if not free:
@@ -89,7 +91,7 @@ class TracedEvaluation(GeneralEvaluation):
         return found
 
     def model_errors(self) -> Iterator[TypeA]:
-        """See `Evaluation`."""
+        """Differences between models that the run cannot separate, as covariances of the results."""
         by_named: dict[str, list[tuple[str, FloatArray]]] = {}
         for output, named, member, moved in self._moved:
             if moved is not None:
@@ -97,7 +99,7 @@ class TracedEvaluation(GeneralEvaluation):
         yield from (alike(named, members) for named, members in by_named.items())
 
     def notes(self) -> Iterable[str]:
-        """See `Evaluation`."""
+        """Sentences about the scatter."""
         yield from super().notes()
         for output, told in self._found.notes.items():
             yield from (f"{output}: {note}" for note in told)
@@ -106,7 +108,7 @@ class TracedEvaluation(GeneralEvaluation):
                 yield f"{output}: no number covers {member} in place of {named}: it does not determine the results"
 
     def not_kept(self) -> Iterable[str]:
-        """See `Evaluation`."""
+        """Sentences about lines of the budget that a calibration file cannot keep for its use."""
         yield from super().not_kept()
         yield from (f"{one.name}{NOT_COVERED}" for one in self.model_errors())
 

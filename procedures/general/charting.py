@@ -146,7 +146,7 @@ def _within(fits: Sequence[CurveCalibration], direction: FloatArray) -> tuple[Fl
 
 
 class GeneralCharting(Charting):
-    """See `rig.procedures.evaluate.charting.Charting`."""
+    """Control charts of a table's sensors: by coefficients of one formula, or of one curve."""
 
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
         """Every sensor of a run; any other table does not define response and formula, a calibration file does."""

@@ -70,7 +70,7 @@ def cannot_confirm(table: Table, options: TraceOptions) -> str:
 
 @dataclass(frozen=True, eq=False)
 class GeneralConfirming(Confirming):
-    """See `rig.procedures.evaluate.confirming.Confirming`. Errors are those of the outputs, in their own units."""
+    """A traced run of outputs, as the first of two. Errors are those of the outputs, in their own units."""
 
     traced: RunTraced
     earlier: tuple[Later, ...] = ()
@@ -80,12 +80,12 @@ class GeneralConfirming(Confirming):
 
     @cached_property
     def found(self) -> FoundInRun:
-        """See `Confirming`."""
+        """The findings, a `rig.fitter.confirm.question.Traced`."""
         return FoundInRun({output: one.trace for output, one in self.traced.each.items()})
 
     @cached_property
     def data(self) -> Observations:
-        """See `Confirming`."""
+        """Observations of the run."""
         return Observations.of(self.traced.table)
 
     @property
@@ -95,41 +95,43 @@ class GeneralConfirming(Confirming):
         return units.pop() if len(units) == 1 else OWN_UNITS
 
     def unit_for(self, output: str) -> str:
-        """See `Confirming`: its own."""
+        """Unit in which errors of one output are said. Its own."""
         return spelled(unit_of(output))
 
     @property
     def output_unit(self) -> str:  # type: ignore[override]
-        """The same."""
+        """Unit of all outputs, as `unit`: here errors are those of outputs."""
         return self.unit
 
     @property
     def drawn(self) -> tuple[str, float]:  # type: ignore[override]
-        """The same."""
+        """Unit of drawn errors, and its factor: outputs are drawn in their own unit."""
         return self.unit, 1.0
 
     def own_words(self, *, realigned: bool) -> str:
-        """See `Confirming`."""
+        """Parameters estimated from the further run itself for its prediction, in words; "" if there are none."""
         return "what of earlier settings was remembered at its start is its own" if self.found.remembered else ""
 
     def later(self, table: Table) -> Observations:
-        """See `Confirming`."""
+        """Observations of a later run. Raises `DataError`."""
         return Observations.of(table)
 
     def beside(self, later: Observations, after_s: float, done: Sequence[Done] = ()) -> GeneralTogether:
-        """See `Confirming`."""
+        """This run, the earlier further ones, and a later one with changes by a person. Raises `FitError`."""
         roles = {output: one.roles for output, one in self.traced.each.items()}
         every = [*self.earlier, Later(later, after_s, done)]
         return GeneralTogether.of(self.found.sensors, roles, self.data.table, every, self.found.remembered)
 
     @cached_property
     def catalogue(self) -> Sequence[Entry]:
-        """See `Confirming`: every effect that a sensor was searched for, once."""
+        """Effects that the trace looked for: every effect that a sensor was searched for, once."""
         every = (c.effect for trace in self.found.sensors.values() for c in trace.search.judge.candidates)
         return tuple({effect.name: effect for effect in every}.values())
 
     def suits(self, variation: Variation, questions: Sequence[Question]) -> bool:
-        """See `Confirming`: a hysteresis is a loop over the whole range, whose factor has to go up and down again."""
+        """Whether all explanations say what they are in a run; a run of which one does not is not proposed. A
+        hysteresis is a loop over the whole range, whose factor has to go up and down again.
+        """
         loops = {
             term.effect.columns[-1]
             for question in questions
@@ -141,7 +143,9 @@ class GeneralConfirming(Confirming):
         return all(run.factors[name].order != RANDOM for name in loops if name in run.factors)
 
     def whole(self, group: Sequence[Variation], times: int) -> Variation | None:
-        """See `Confirming`: the largest grid, if it has enough points to choose from."""
+        """The run of a group with all points that can be chosen, so many times each; None if points are not chosen. The
+        largest grid, if it has enough points to choose from.
+        """
         largest = max(group, key=lambda variation: len(variation.procedure.expand()))
         bare = GeneralProcedure.model_validate(values_of(largest.procedure))  # its steps have no places in fewer plots
         whole = repeated(replace(largest, procedure=bare), times)
@@ -151,19 +155,21 @@ class GeneralConfirming(Confirming):
 
     @cached_property
     def counts(self) -> Sequence[int]:  # type: ignore[override]
-        """See `Confirming`: a run of fewer points would not show whether a model fits."""
+        """Numbers of units to try: with fewer points a run would not show whether a model fits."""
         columns = self.data.table.columns
         rows = len(self.data) / max(len(set(columns["whole_plot"].tolist())), 1) if "whole_plot" in columns else 1.0
         return tuple(count for count in _COUNTS if count * rows >= LEAST_POINTS and count > 1)
 
     def units(self, run_list: RunList) -> IntArray:
-        """See `Confirming`: a setting, or all settings at those of the factors that are hard to change."""
+        """(n,) number of the unit of each point of a run with all of them: units are chosen together. A setting, or all
+        settings at those of the factors that are hard to change.
+        """
         keys = _unit_keys(run_list)
         numbers = {key: number for number, key in enumerate(sorted(set(keys)))}
         return np.array([numbers[key] for key in keys], np.int64)
 
     def chosen(self, whole: Variation, units: Sequence[int]) -> Variation:
-        """See `Confirming`; with as many more units as the declared models need."""
+        """The run with these units only; with as many more units as the declared models need."""
         run: GeneralProcedure = whole.procedure
         run_list = run.expand()
         keys = _unit_keys(run_list)
@@ -189,20 +195,20 @@ class GeneralConfirming(Confirming):
         return [self.beside(Observations.of(self._planned(run_list, variation.wait_s)), later_s, done)]
 
     def hours(self, variation: Variation, run_list: RunList) -> float:
-        """See `Confirming`."""
+        """Bench time of a run, hours, from that of this run."""
         point, soak = self._times_s
         return (len(run_list) * (point + variation.wait_s) + run_list.whole_plots * soak) / 3600.0
 
     def size(self, procedure: GeneralProcedure) -> str:
-        """See `Confirming`."""
+        """Points and replications, for a table."""
         return in_words(len(procedure.expand()) // procedure.replications, procedure.replications)
 
     def separated_by(self, one: Entry, other: Entry) -> str:
-        """See `Confirming`."""
+        """The measurement that would separate two effects."""
         return "; ".join(dict.fromkeys((one.separate_by, other.separate_by)))
 
     def variables(self) -> Mapping[str, tuple[str, float]]:
-        """See `Confirming`."""
+        """Fields of observations for plots of residuals: label and scale."""
         scenes = [trace.variables for trace in self.found.sensors.values()]
         return {name: (name, 1.0) for variables in scenes for name in variables}
 

@@ -63,7 +63,7 @@ _NAMED = re.compile(r"^dir|direction|updown|sense|side", re.IGNORECASE)
 _AGREES = 0.7
 """Share of a setting's changes whose sign a direction of approach has."""
 LOOKS_LIKE, LEAST_MOVES = 0.9, 4
-"""The same, and the changes each way, from which two unknown words are taken for a direction."""
+"""Share of agreeing changes, and number of changes each way, from which two unknown words are taken for a direction."""
 
 
 def named_direction(name: str, values: FloatArray) -> bool:

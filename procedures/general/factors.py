@@ -78,7 +78,7 @@ class FactorSettings(Strict):
         return self
 
     def named(self, name: str, settings: Collection[float]) -> Factor:
-        """The same for a run list that visits these settings. Its axis is the name without the unit."""
+        """The factor of a run list that visits these settings. Its axis is the name without the unit."""
         steps = [b - a for a, b in itertools.pairwise(sorted(set(settings)))]
         beyond = self.overtravel or min(steps, default=0.0) / 2.0
         return Factor(name, stem_of(name), beyond, hard=self.hard)

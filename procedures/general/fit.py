@@ -206,7 +206,7 @@ def _correlation(fit: LinearFit) -> list[list[float]]:
 
 
 def _of_whole_plots(fit: SplitPlotFit) -> dict[str, Any]:
-    """The same for a fit with whole plots."""
+    """Coefficients and error of a fit with whole plots, as JSON values."""
     return {
         "coefficients": coefficient_table(fit.names, fit.coefficients, fit.kenward_roger().stderr, fit.df),
         "sigma_subplot": fit.sigma_subplot,

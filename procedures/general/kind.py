@@ -50,20 +50,20 @@ class GeneralKind(Kind):
 
     @property
     def settings(self) -> type[GeneralProcedure]:
-        """See `Kind`."""
+        """The model of procedure files, whose instances are a `Procedure`; None if the kind has no runs on a bench."""
         from rig.procedures.general.settings import GeneralProcedure  # noqa: PLC0415
 
         return GeneralProcedure
 
     @property
     def own_effects(self) -> Grammar:
-        """See `Kind`."""
+        """Grammar of a laboratory's own effects; None if they are not possible."""
         from rig.procedures.general.effects.own import GRAMMAR  # noqa: PLC0415
 
         return GRAMMAR
 
     def explained(self, topic: str) -> str:
-        """See `Kind`."""
+        """Markdown for `rig explain effects` (its catalogue) and `rig explain models`; "" for none."""
         from rig.procedures.general import catalogue_shown  # noqa: PLC0415
 
         return {"effects": catalogue_shown.catalogue, "models": catalogue_shown.models}[topic]()
@@ -135,11 +135,11 @@ class GeneralKind(Kind):
 
     @property
     def budget_options(self) -> type[BudgetOptions]:
-        """See `Kind`."""
+        """Options of `rig budget` for this kind only."""
         return BudgetOptions
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
-        """See `Kind`."""
+        """Find effects missing in the declared model; arguments and errors as for `fit`."""
         read: Reader = source.read
         if source.is_run:
             from rig.procedures.general.of_runs import RunModels, reader_of, trace_run  # noqa: PLC0415
@@ -174,7 +174,7 @@ class GeneralKind(Kind):
         return trace_general_table(read, roles)
 
     def look(self, source: Source, table: Table) -> UnknownTable | None:
-        """See `Kind`."""
+        """Likely roles of the columns of a table that nobody has described, and options to begin with."""
         from rig.procedures.general.likely import likely  # noqa: PLC0415
 
         return likely(source, table)
@@ -196,7 +196,9 @@ class GeneralKind(Kind):
     def with_coefficients(
         self, calibration: CurveCalibration | Mapping[str, CurveCalibration], coefficients: Mapping[str, FloatArray]
     ) -> CurveCalibration | Mapping[str, CurveCalibration]:
-        """See `Kind`."""
+        """A calibration from `calibration_of` with other coefficients (k,) by sensor, as `Evaluation.coefficients`
+        gives them.
+        """
         if isinstance(calibration, Mapping):
             return {name: one.moved(coefficients[name]) for name, one in calibration.items()}
         return calibration.moved(coefficients[calibration.response])
@@ -207,7 +209,7 @@ class GeneralKind(Kind):
         within: Mapping[str, Within],
         count: float,
     ) -> CurveCalibration | Mapping[str, CurveCalibration]:
-        """See `Kind`."""
+        """A calibration from `calibration_of` for readings in use that are the mean of another number of them."""
         from rig.procedures.evaluate.readings import scatter_of  # noqa: PLC0415
 
         if isinstance(calibration, Mapping):
@@ -244,7 +246,7 @@ class GeneralKind(Kind):
         return precision(procedure, run_list)
 
     def expected(self, procedure: GeneralProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
-        """See `Kind`."""
+        """A run as it is planned, for a forecast of total uncertainties."""
         from rig.procedures.general.planned import expected_run  # noqa: PLC0415
 
         return expected_run(procedure, run_list, sensors)
@@ -263,20 +265,20 @@ class GeneralKind(Kind):
         return judge(procedure, table)
 
     def confirming(self, traced: GeneralTraced | RunTraced) -> Confirming | None:
-        """See `Kind`."""
+        """A run that it traced, as the first of two; None if no further run is possible."""
         from rig.procedures.general.confirming import GeneralConfirming  # noqa: PLC0415
         from rig.procedures.general.of_runs import RunTraced  # noqa: PLC0415
 
         return GeneralConfirming(traced) if isinstance(traced, RunTraced) else None
 
     def cannot_confirm(self, table: Table, options: TraceOptions) -> str:
-        """See `Kind`."""
+        """Why no further run can confirm the findings in a run, and what to do instead; "" where one can."""
         from rig.procedures.general.confirming import cannot_confirm  # noqa: PLC0415
 
         return cannot_confirm(table, options)
 
     def further_runs(self, procedure: GeneralProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
-        """See `Kind`."""
+        """Runs to follow a procedure, grouped by what they change, each group from the smallest to the largest."""
         from rig.procedures.general.further_runs import further_runs  # noqa: PLC0415
 
         return further_runs(procedure)
@@ -298,7 +300,7 @@ class GeneralKind(Kind):
         return formula.columns(columns)[1]
 
     def charting(self) -> Charting:
-        """See `Kind`."""
+        """Control charts of its sensors. Raises `DataError` if there are none."""
         from rig.procedures.general.charting import CHARTING  # noqa: PLC0415
 
         return CHARTING

@@ -15,7 +15,7 @@ from rig.procedures.general.models.units import to_model, unit_in
 def misfit(
     factors: Mapping[str, FactorSettings], models: ModelSettings, sensors: Mapping[str, str], read: Mapping[str, str]
 ) -> str:
-    """See `Conduct.misfit`: variables that nothing reads, and units that a standard model does not convert."""
+    """Variables that nothing reads, and units that a standard model does not convert, as a sentence; "" if none."""
     known = [*factors, *read]
     for name, column in sensors.items():
         model = models.of(name)

@@ -78,7 +78,7 @@ class RunModels:
         return cls(table, {output: models[output] for output in wanted})
 
     def adding(self, terms: Mapping[str, Sequence[str]]) -> RunModels:
-        """The same with further terms, by output."""
+        """These models with further terms, by output."""
         return RunModels(self.table, {name: _with_terms(one, terms.get(name, ())) for name, one in self.models.items()})
 
 

@@ -22,7 +22,7 @@ _SEED = 20260115
 
 
 def expected_run(procedure: GeneralProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
-    """See `Kind.expected`; of the sensors whose output and scatter `[expect]` has.
+    """The run as planned, for a forecast: of the sensors whose output and scatter `[expect]` has.
 
     Raises:
         DataError: it has those of none, an output is not one of the factors alone, or a model is not.

@@ -91,18 +91,18 @@ class LinearRows(Rows):
     scale: FloatArray | None = None
 
     def take(self, rows: IntArray) -> LinearRows:
-        """See `Rows`."""
+        """Some of the rows."""
         scale = None if self.scale is None else self.scale[rows]
         return LinearRows(self.names, self.columns[rows], self.tails[rows], self.y[rows], *self._taken(rows), scale)
 
     def gross(self) -> GrossErrors:
-        """See `Rows`."""
+        """The gross errors among them."""
         if self.scale is not None:
             return of_table(*self._scaled(), self._numbered_plots(), measured=self.y, scale=self.scale)
         return of_table(self.y, self.columns, self._numbered_plots())
 
     def fitted(self) -> LinearFit | SplitPlotFit:
-        """See `Rows`."""
+        """The model fitted to them. Raises `FitError`."""
         if self.plots is not None:
             return fit_split_plot(self.columns, self.y, self.plots, self.names, replicate=self.blocks)
         if self.scale is None:
@@ -115,16 +115,18 @@ class LinearRows(Rows):
         return scale * self.y, scale[:, None] * self.columns
 
     def scale_at(self, fit: LinearFit | SplitPlotFit) -> FloatArray:
-        """See `Rows`."""
+        """(n,) one over the standard deviation of a response less the curve, up to a factor."""
         return np.ones(len(self.y)) if self.scale is None else self.scale
 
     def tangent(self, fit: LinearFit | SplitPlotFit) -> tuple[FloatArray, FloatArray]:
-        """See `Rows`."""
+        """(n, k) columns and (n,) responses of the linear model at a fit of these rows, in standard deviations if they
+        are weighted: the responses less the columns times the coefficients are the residuals.
+        """
         y, columns = self._scaled()
         return columns, y
 
     def values(self, fit: LinearFit | SplitPlotFit) -> FloatArray:
-        """See `Rows`."""
+        """(n,) fitted responses."""
         return np.asarray(self.columns @ fit.coefficients)
 
 
@@ -146,15 +148,15 @@ class CurveRows(Rows):
 
     @property
     def y(self) -> FloatArray:  # type: ignore[override]
-        """See `Rows`."""
+        """(n,) measured responses."""
         return self.problem.y
 
     def take(self, rows: IntArray) -> CurveRows:
-        """See `Rows`."""
+        """Some of the rows."""
         return CurveRows(self.problem.take(rows), self.start, *self._taken(rows))
 
     def gross(self) -> GrossErrors:
-        """See `Rows`. The curve is made linear at a fit that a few gross errors do not pull.
+        """The gross errors among them. The curve is made linear at a fit that a few gross errors do not pull.
 
         Very large ones pull that, too: so it is made again without the rows that are off from the curve at its start,
         and counts if the others scatter clearly less.
@@ -182,7 +184,7 @@ class CurveRows(Rows):
         return of_table(y / scale, columns / scale[:, None], self._numbered_plots(), measured=self.y)  # in its units
 
     def fitted(self) -> LinearFit | SplitPlotFit:
-        """See `Rows`. With whole plots: linear fits at the last parameters, until those stay."""
+        """The model fitted to them. With whole plots: linear fits at the last parameters, until those stay."""
         solved = self._solved()
         if self.plots is None:
             return solved.fit
@@ -209,14 +211,16 @@ class CurveRows(Rows):
         return fit_split_plot(solved.columns, y, self.plots, self.problem.parameters, replicate=self.blocks)
 
     def scale_at(self, fit: LinearFit | SplitPlotFit) -> FloatArray:
-        """See `Rows`."""
+        """(n,) one over the standard deviation of a response less the curve, up to a factor."""
         return self.problem.scale_at(fit.coefficients)
 
     def tangent(self, fit: LinearFit | SplitPlotFit) -> tuple[FloatArray, FloatArray]:
-        """See `Rows`."""
+        """(n, k) columns and (n,) responses of the linear model at a fit of these rows, in standard deviations if they
+        are weighted: the responses less the columns times the coefficients are the residuals.
+        """
         columns = self.problem.columns(fit.coefficients)
         return columns, self.problem.residuals(fit.coefficients) + columns @ fit.coefficients
 
     def values(self, fit: LinearFit | SplitPlotFit) -> FloatArray:
-        """See `Rows`."""
+        """(n,) fitted responses."""
         return self.problem.curve.value(fit.coefficients, self.problem.table)

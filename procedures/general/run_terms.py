@@ -50,7 +50,7 @@ class RunTerm:
     slope: tuple[float, ...] = ()
 
     def with_constant(self, value: float) -> RunTerm:
-        """The same column with another value of its searched constant."""
+        """This column with another value of its searched constant."""
         assert self.block.profile is not None
         block = self.block.profile.at(value)
         return replace(self, term=Label(block.labels[self.at]), block=block, slope=())

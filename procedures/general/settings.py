@@ -153,7 +153,7 @@ class GeneralFaults(FaultSettings):
     )
 
     def for_run(self, *, whole_plots: bool) -> GeneralFaults:
-        """The same with the default of a run without whole plots."""
+        """These policies, with the defaults of a run without whole plots if it is one."""
         if whole_plots or "temperature_left" in self.model_fields_set:
             return self
         return self.model_copy(update={"temperature_left": [ACCEPT]})

@@ -123,7 +123,7 @@ class Whole:
     _kept: dict[tuple[str, str, tuple[float, ...]], FloatArray] = field(default_factory=dict)
 
     def of(self, outputs: Collection[str]) -> Whole:
-        """The same for some of the sensors."""
+        """These runs with some of the sensors only."""
         return replace(
             self,
             data=_some(self.data, outputs),
@@ -192,7 +192,7 @@ class Outputs:
 
 @dataclass(frozen=True, eq=False)
 class GeneralTogether(Together):
-    """See `Together`.
+    """Two or more runs of a table with one question, sensors by column.
 
     Attributes:
         whole: both runs.
@@ -234,12 +234,12 @@ class GeneralTogether(Together):
 
     @property
     def data(self) -> Outputs:
-        """See `Together`."""
+        """Observations of both runs."""
         return Outputs({output: one.y[self.rows] for output, one in self.whole.data.items()})
 
     @property
     def df(self) -> int:
-        """See `Together`."""
+        """Degrees of freedom of the error's estimate."""
         return max(min(trace.after.fit.df for trace in self.whole.traces.values()), 1)
 
     @property
@@ -278,7 +278,7 @@ class GeneralTogether(Together):
 
     @cached_property
     def declared(self) -> tuple[FloatArray, ...]:
-        """See `Together`."""
+        """(n, d) columns of the declared model, for each sensor."""
         return tuple(
             np.column_stack(
                 [one.columns[self.rows], self._anew(one.columns[self.rows]), self.whole.started(output)[self.rows]]
@@ -306,14 +306,16 @@ class GeneralTogether(Together):
         return tuple(out)
 
     def untouched(self, terms: Candidates) -> FloatArray:
-        """See `Together`."""
+        """(S, n, q) unweighted columns of effects as if nobody changed the bench, zero for sensors without the term."""
         raw = np.zeros((len(self.sensors), len(self.rows), len(terms)))
         for k, term in enumerate(terms):
             raw[self.sensors.index(term.sensor), :, k] = self.whole.columns(term)[self.rows]
         return raw
 
     def about(self, question: Question) -> tuple[Together, Question]:
-        """See `Together`: sensors are independent, so only those with a column of an explanation have a part in it."""
+        """The runs and a question without sensors that have no part in it; as they are if any may have one. Sensors are
+        independent, so only those with a column of an explanation have a part in it.
+        """
         concerned = {term.sensor for member in question.members for term in member.terms}
         if concerned >= set(self.sensors):
             return self, question
@@ -321,7 +323,9 @@ class GeneralTogether(Together):
         return replace(self, whole=self.whole.of(concerned)), replace(question, rest=rest)
 
     def shapes(self, *, lasting: bool) -> Iterator[tuple[str, FloatArray]]:
-        """See `Together`: the places where a trace looks for shapes without a name."""
+        """(S, n, m) smooth unweighted columns over what was recorded in the later run, each place after its name. The
+        places where a trace looks for shapes without a name.
+        """
         fresh = self.rows[self.fresh] - self.whole.begins[1]
         for output, one in self.whole.later.items():
             for place in places_of(one.scene, one.shared):
@@ -332,7 +336,7 @@ class GeneralTogether(Together):
                 yield place.block.place, raw
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
-        """See `Together`."""
+        """These runs with some of the observations only."""
         kept = np.asarray(rows, np.bool_)
         done = tuple(one.at(kept) for one in self.done)
         return replace(self, run=self.run[kept], rows=self.rows[kept], done=done)

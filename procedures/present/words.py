@@ -115,7 +115,7 @@ def noise_of(causes: Sequence[str]) -> str:
 
 
 def verdict_of(sensor: Mapping[str, Any]) -> str:
-    """The same from a sensor's JSON."""
+    """Verdict and its causes in words, from a sensor's JSON."""
     causes = [effect["cause"] for effect in sensor["effects"] if effect["stratum"] == "noise"]
     return verdict(sensor["verdict"], causes)
 

@@ -17,7 +17,7 @@ from rig.procedures.plan.run_list import Factor
 CHAMBER_MARGIN_DEGC = 2.0
 """Difference by which a chamber may pass a limit, which overshoots a setpoint at it before it settles."""
 _MARGIN = 0.01
-"""The same for a source, as a fraction of its range."""
+"""Difference by which a source may pass a limit while it settles there, as a fraction of its range."""
 
 
 class AxisReading(NamedTuple):
@@ -110,11 +110,11 @@ class HeadMover:
         self._readings: Mapping[str, AxisReading] = {}
 
     def span(self) -> Mapping[str, tuple[float, float]]:
-        """See `Mover`."""
+        """The instrument's own (low, high) by axis."""
         return self._head.axes()
 
     def read(self) -> Mapping[str, AxisReading]:
-        """See `Mover`."""
+        """Read every axis."""
         states = self._head.read()
         if states != self._states:
             new = tuple.__new__  # in half the time of the class; a state's fields are those after the name
@@ -125,18 +125,18 @@ class HeadMover:
         return self._readings
 
     def go(self, targets: Mapping[str, float]) -> None:
-        """See `Mover`."""
+        """Start moving the named axes, together."""
         try:
             self._head.move(targets)
         except (InstrumentError, NotReady) as error:  # a refused command is a fault of its drives
             raise DriveFault("head", 0, str(error)) from error
 
     def stop(self) -> None:
-        """See `Mover`."""
+        """Stop at the present position."""
         self._head.stop()
 
     def home(self, *, again: bool = False) -> None:
-        """See `Mover`."""
+        """Start homing axes of unknown zero; all axes if `again`."""
         try:
             if again and isinstance(self._head, Referenced):
                 self._head.forget_zeros()
@@ -156,11 +156,11 @@ class PressureMover:
         self._controller, self._axis, self._quantity = controller, factor.axis, factor.name
 
     def span(self) -> Mapping[str, tuple[float, float]]:
-        """See `Mover`."""
+        """The instrument's own (low, high) by axis."""
         return {self._axis: self._controller.limits()}
 
     def read(self) -> Mapping[str, AxisReading]:
-        """See `Mover`."""
+        """Read every axis."""
         s = self._controller.read()
         # A line without control goes nowhere: waiting for it would only end by the timeout.
         moving = s.venting or (s.controlling and not s.in_limits)
@@ -170,7 +170,7 @@ class PressureMover:
         }
 
     def go(self, targets: Mapping[str, float]) -> None:
-        """See `Mover`."""
+        """Start moving the named axes, together."""
         self._controller.set_pressure(targets[self._axis])
 
     def stop(self) -> None:
@@ -194,7 +194,7 @@ class _Kept:
         self._instrument, self._axis, self._quantity = instrument, factor.axis, factor.name
 
     def span(self) -> Mapping[str, tuple[float, float]]:
-        """See `Mover`."""
+        """The instrument's own (low, high) by axis."""
         return {self._axis: self._instrument.limits()}
 
     def home(self, *, again: bool = False) -> None:
@@ -213,7 +213,7 @@ class SourceMover(_Kept):
         self._band = band
 
     def read(self) -> Mapping[str, AxisReading]:
-        """See `Mover`."""
+        """Read every axis."""
         s = self._instrument.read()
         low, high = self._instrument.limits()
         moving, faults = s.output and not s.settled, "; ".join(s.faults)
@@ -223,7 +223,7 @@ class SourceMover(_Kept):
         }
 
     def go(self, targets: Mapping[str, float]) -> None:
-        """See `Mover`."""
+        """Start moving the named axes, together."""
         self._instrument.set(targets[self._axis])
 
     def stop(self) -> None:
@@ -237,13 +237,13 @@ class ChamberMover(_Kept):
     """A chamber's one axis, for a temperature that is changed from point to point."""
 
     def read(self) -> Mapping[str, AxisReading]:
-        """See `Mover`. Its alarms are judged with those of all chambers."""
+        """Read every axis. Its alarms are judged with those of all chambers."""
         s = self._instrument.read()
         where = s.temperature_degC, False, True, s.running, ""
         return {self._axis: AxisReading(self._quantity, *where, drive=False, margin=CHAMBER_MARGIN_DEGC)}
 
     def go(self, targets: Mapping[str, float]) -> None:
-        """See `Mover`."""
+        """Start moving the named axes, together."""
         self._instrument.set_temperature(targets[self._axis])
 
     def stop(self) -> None:

@@ -73,7 +73,7 @@ class WatchedClock:
         return hole
 
     def now(self) -> float:
-        """See `Clock.now`."""
+        """Bench seconds since an arbitrary origin; never steps, keeps counting while the machine sleeps."""
         now = self._read()
         if now - self._last > HOLE_S + self._explained:
             self._note(now)
@@ -86,11 +86,11 @@ class WatchedClock:
             self._hole, self.noted = Hole(self._last, seconds), True
 
     def utc(self) -> float:
-        """See `Clock.utc`."""
+        """Coordinated Universal Time in seconds since 1970-01-01; may be stepped by the system."""
         return self._clock.utc()
 
     def sleep(self, seconds: float) -> None:
-        """See `Clock.sleep`."""
+        """Let `seconds` bench seconds pass; zero or less returns at once."""
         self.pause(seconds)
 
     def pause(self, seconds: float) -> float:
@@ -109,7 +109,7 @@ class WatchedClock:
         return now
 
     def idle(self, seconds: float) -> None:
-        """See `Clock.idle`."""
+        """Let bench time pass while waiting for a person: real time passes too, even with virtual time."""
         self.now()
         before, self._explained = self._explained, max(seconds, 0.0)
         self._clock.idle(seconds)
@@ -117,18 +117,22 @@ class WatchedClock:
         self._explained = before
 
     def timeout(self, seconds: float) -> float:
-        """See `Clock.timeout`: the caller is about to wait for at most this long, until the next wait is announced."""
+        """Maximum real seconds of an operating-system wait when the instrument needs `seconds`. The caller is about to
+        wait for at most this long, until the next wait is announced.
+        """
         self.now()
         self._explained = seconds if seconds > 0.0 else 0.0
         return self._clock.timeout(seconds)
 
     def grace(self) -> float:
-        """See `Clock.grace`."""
+        """Bench seconds beyond a deadline for the process of a simulated instrument to be scheduled."""
         return self._clock.grace()
 
     @property
     def stopwatch(self) -> Callable[[], float]:
-        """See `Clock.stopwatch`: that of the clock it reads, which is no sign of life."""
+        """Real seconds of this machine, to report the duration of our own work; never for decisions. That of the clock
+        it reads, which is no sign of life.
+        """
         return self._clock.stopwatch
 
 

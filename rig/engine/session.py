@@ -60,10 +60,10 @@ class Nobody:
     """An observer that does nothing."""
 
     def recorded(self, record: Record) -> None:
-        """See `Observer.recorded`."""
+        """A record was appended."""
 
     def to_note(self) -> Sequence[Event]:
-        """See `Observer.to_note`."""
+        """Events that the observer wants in the run file; each is returned once."""
         return ()
 
 

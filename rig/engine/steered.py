@@ -67,12 +67,12 @@ class Steered:
         return self._source.span()[self.own.axis]
 
     def span(self) -> Mapping[str, tuple[float, float]]:
-        """See `Mover`: by the table, at the source's own limits."""
+        """The instrument's own (low, high) by axis: by the table, at the source's own limits."""
         low, high = sorted(map(self._table.reading, self._source.span()[self.own.axis]))
         return {self.factor.axis: (low, high)}
 
     def read(self) -> Mapping[str, AxisReading]:
-        """See `Mover`."""
+        """Read every axis."""
         (reading,) = self._source.read().values()
         value = self._table.reading(reading.value) + self._moved_by
         margin = abs(self.slope(reading.value)) * reading.margin
@@ -80,7 +80,7 @@ class Steered:
         return {self.factor.axis: seen, self.own.axis: reading}
 
     def go(self, targets: Mapping[str, float]) -> None:
-        """See `Mover`."""
+        """Start moving the named axes, together."""
         level = targets[self.factor.axis]
         if self._level not in (None, level):
             self._way = 1 if level > self._level else -1
@@ -90,11 +90,11 @@ class Steered:
         self._moved_by = level - self._table.reading(setting)
 
     def stop(self) -> None:
-        """See `Mover`."""
+        """Stop at the present position."""
         self._source.stop()
 
     def home(self, *, again: bool = False) -> None:
-        """See `Mover`."""
+        """Start homing axes of unknown zero; all axes if `again`."""
         self._source.home(again=again)
 
     def parking(self) -> Mapping[str, float]:

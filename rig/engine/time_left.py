@@ -50,7 +50,7 @@ class LastPoints:
         insort(self._ordered, seconds)
 
     def typical_s(self) -> float | None:
-        """See `typical_s`; None without points."""
+        """Typical duration of these points, seconds; None without points."""
         return _typical_s(self._ordered) if self._ordered else None
 
 

@@ -38,7 +38,7 @@ def write_whole(path: Path, write: Callable[[IO[str]], object]) -> None:
 
 
 def write_whole_bytes(path: Path, write: Callable[[IO[bytes]], object]) -> None:
-    """The same for a binary file."""
+    """Replace a binary file whole: readers see the old or the new one, never a part."""
     target = check_writable(path)
     mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else None
     sweep(target.parent)

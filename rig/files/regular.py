@@ -74,5 +74,10 @@ def read_regular(path: Path, most: int = MOST_BYTES) -> bytes:
 
 
 def read_regular_text(path: Path, most: int = MOST_BYTES) -> str:
-    """The same as text, UTF-8 with or without byte order mark. Raises also UnicodeDecodeError."""
+    """The text of a regular file, UTF-8 with or without byte order mark.
+
+    Raises:
+        OSError: as `read_regular`.
+        UnicodeDecodeError: it is not UTF-8.
+    """
     return read_regular(path, most).decode("utf-8-sig")

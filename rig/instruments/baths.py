@@ -16,34 +16,34 @@ class Bath:
         self._source = source
 
     def identify(self) -> Identity:
-        """See `Instrument`."""
+        """Ask for the identity. Raises `WrongInstrument` for another model, `NoReply` without an answer."""
         return self._source.identify()
 
     def prepare(self) -> None:
-        """See `Instrument`."""
+        """Set remote control, units, ranges and speeds as the bench declares them."""
         self._source.prepare()
 
     def make_safe(self) -> None:
-        """See `Instrument`."""
+        """Bring this instrument to its safe state; idempotent, and called also after errors."""
         self._source.make_safe()
 
     def close(self) -> None:
-        """See `Instrument`."""
+        """Release the wire; idempotent."""
         self._source.close()
 
     def limits(self) -> tuple[float, float]:
-        """See `Chamber.limits`."""
+        """Lowest and highest accepted setpoint, degrees Celsius."""
         return self._source.limits()
 
     def set_temperature(self, degC: float) -> None:
-        """See `Chamber.set_temperature`."""
+        """Command a setpoint with closed-loop control on. Raises `LimitError` before sending."""
         self._source.set(degC)
 
     def read(self) -> ChamberState:
-        """See `Chamber.read`. A source does not report its power, which is 0; its faults are alarms."""
+        """Read its state. A source does not report its power, which is 0; its faults are alarms."""
         state = self._source.read()
         return ChamberState(state.setpoint, state.value, 0.0, state.output, state.faults)
 
     def stop(self) -> None:
-        """See `Chamber.stop`."""
+        """Hold the present temperature: it becomes the setpoint."""
         self._source.stop()

@@ -33,7 +33,7 @@ class Addressed(Protocol):
 
     @property
     def address(self) -> str:
-        """As in the bench file."""
+        """The address in the bench file."""
         ...
 
 

@@ -75,7 +75,7 @@ class ServedBench:
         return False
 
     def asked_to_read(self, column: TypedColumn) -> bool:
-        """See `Person.asked_to_read`: no real person can see a simulated dial, so the bench reads it, if its world's
+        """The person reads what to read. No real person can see a simulated dial, so the bench reads it, if its world's
         person comes. Raises `Unreachable`.
         """
         self._read = None
@@ -89,11 +89,13 @@ class ServedBench:
         return None if self._read is None else (self._read, SIMULATED)
 
     def recall_setting(self, factor: str, value: float) -> None:
-        """See `Person.recall_setting`. Raises `Unreachable`."""
+        """A real person has set a factor of a simulated bench. Raises `Unreachable`."""
         self._tell({"factor": factor, "value": value})
 
     def recall(self, change: str, number: float | None) -> None:
-        """See `Person.recall`: a bench that was not started anew is changed already. Raises `BenchFault`."""
+        """A step was done in an earlier session: the bench is still changed. A bench that was not started anew is
+        changed already. Raises `BenchFault`.
+        """
         try:
             if self._new is None:
                 self._new = self._tell({}) == 0
@@ -103,7 +105,7 @@ class ServedBench:
             raise BenchFault(str(error)) from error
 
     def done(self, change: str, number: float | None) -> None:
-        """See `Person.done`. Raises `Unreachable`."""
+        """A real person has done a step at a simulated bench. Raises `Unreachable`."""
         self._tell({"change": change, "number": number})
 
     def _tell(self, what: dict[str, Any]) -> float:

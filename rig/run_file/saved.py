@@ -16,7 +16,7 @@ def saved_in(path: Path) -> tuple[str, ...]:
 
 
 def saved_words(path: Path) -> str:
-    """The same as a complete sentence with a space after it; "" if there is none."""
+    """Where it is saved, as a complete sentence with a space after it; "" if there is none."""
     return "".join(f"{words[0].upper()}{words[1:]}. " for words in saved_in(path))
 
 

@@ -28,7 +28,7 @@ def read_previous(path: Path) -> Previous:
 
 
 def previous_text(path: Path) -> str:
-    """The same as text for a run file; `parse_previous` reads it. Raises as `read_previous`."""
+    """A calibration file, or an earlier run, as text that `parse_previous` reads. Raises as `read_previous`."""
     given = _fitted(path) if path.suffix == ".sqlite" else _content(path)
     return json.dumps({"name": path.name, "content": given}, allow_nan=False)
 

@@ -28,25 +28,25 @@ class SimulatedPerson:
         self._dial: TypedColumn | None = None
 
     def asked_to_set(self, factor: str, value: float) -> bool:
-        """See `Person.asked_to_set`."""
+        """The person reads to what a factor has to be set."""
         self._step, self._setting, self._dial = None, (factor, value), None
         self._due_s = self._sim.world.now() + self._truth.sets_s
         return self._truth.comes
 
     def asked(self, step: HandStep) -> bool:
-        """See `Person.asked`."""
+        """The person reads what to do."""
         self._setting = self._dial = None
         self._step, self._due_s = step, self._sim.world.now() + self._truth.after_s
         return self._truth.comes
 
     def asked_to_read(self, column: TypedColumn) -> bool:
-        """See `Person.asked_to_read`."""
+        """The person reads what to read."""
         self._step = self._setting = None
         self._dial, self._due_s = column, self._sim.world.now() + self._truth.reads_s
         return self._truth.comes
 
     def answer(self) -> tuple[str | None, str] | None:
-        """See `Person.answer`."""
+        """Stated value and name, once the step is done; None before."""
         step = self._step
         if self._sim.world.now() < self._due_s:
             return None
@@ -74,14 +74,14 @@ class SimulatedPerson:
         return 0.0 if step.low is None or step.high is None else 0.5 * (step.low + step.high)
 
     def recall_setting(self, factor: str, value: float) -> None:
-        """See `Person.recall_setting`."""
+        """A real person has set a factor of a simulated bench."""
         self._setting = None
         self._sim.plant.set_by_hand(factor, value)
 
     def recall(self, change: str, number: float | None) -> None:
-        """See `Person.recall`."""
+        """A step was done in an earlier session: the bench is still changed."""
         self._sim.by_hand(change, number)
 
     def done(self, change: str, number: float | None) -> None:
-        """See `Person.done`."""
+        """A real person has done a step at a simulated bench."""
         self._sim.by_hand(change, number)

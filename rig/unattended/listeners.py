@@ -74,7 +74,7 @@ class Listeners:
     # --- what the controller calls --------------------------------------------------------------------------------
 
     def recorded(self, record: Record) -> None:
-        """See `Observer.recorded`."""
+        """A record was appended."""
         try:
             self._utc_minus_elapsed = record.utc_s - record.elapsed_s
             happening = from_record(record, after_crash=self.facts.after_crash)
@@ -84,7 +84,7 @@ class Listeners:
             self._in_trouble(error)
 
     def to_note(self) -> Sequence[Event]:
-        """See `Observer.to_note`: messages that could not be sent."""
+        """Events that the observer wants in the run file; each is returned once: messages that could not be sent."""
         noted = []
         while self._failures:
             failure = self._failures.popleft()

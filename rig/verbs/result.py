@@ -50,7 +50,7 @@ class Result(ABC):
     @property
     @abstractmethod
     def _told(self) -> Mapping[str, Any]:
-        """The same with NaN and infinity as they are."""
+        """The result as JSON values, with NaN and infinity as they are."""
 
     @abstractmethod
     def blocks(self) -> Iterable[Block]:

@@ -111,6 +111,6 @@ def _temperatures(setpoints_degC: Mapping[str, float]) -> Iterator[tuple[str, fl
 
 
 def _others(settings: Mapping[str, float]) -> Iterator[tuple[str, float, str]]:
-    """The same of what is no temperature."""
+    """Lines of the other quantities, which are no temperatures."""
     for name, value in settings.items():
         yield stem_of(name).replace("_", " "), value, spelled(unit_of(name))

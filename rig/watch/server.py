@@ -43,7 +43,7 @@ class BoundedProtocol(H11Protocol):
         self._too_late: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """See `asyncio.Protocol`."""
+        """Give a new connection its time limit; close the one that was silent longest if a client has too many."""
         super().connection_made(transport)
         self._too_late = asyncio.get_running_loop().call_later(HEADERS_S, self._give_up)
         host = self.client[0] if self.client else ""
@@ -55,13 +55,13 @@ class BoundedProtocol(H11Protocol):
             first._give_up()
 
     def handle_events(self) -> None:
-        """See `H11Protocol`; there is no time limit for the answer to a whole request."""
+        """Handle what has arrived; there is no time limit for the answer to a whole request."""
         super().handle_events()
         if self.cycle is not None:
             self._asked()
 
     def send_400_response(self, msg: str) -> None:
-        """See `H11Protocol`: the answer to an invalid request, unless another answer has begun on this connection."""
+        """Answer an invalid request, unless another answer has begun on this connection."""
         under_way = self.cycle
         if under_way is not None and not under_way.response_complete:
             under_way.disconnected = True  # the connection is closed, so the application cannot answer any more
@@ -74,7 +74,7 @@ class BoundedProtocol(H11Protocol):
         self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """See `asyncio.Protocol`."""
+        """End the time limit with the connection."""
         self._asked()
         super().connection_lost(exc)
 

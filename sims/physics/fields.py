@@ -42,7 +42,7 @@ class Number:
     high: float = inf
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> float:
-        """See `Kind.read`."""
+        """The checked value."""
         if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
             raise WorldError(f"{where} must be a number (it is {value!r})")
         if not self.low <= value <= self.high:
@@ -55,7 +55,7 @@ class Whole:
     """A whole number, zero or more."""
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> int:
-        """See `Kind.read`."""
+        """The checked value."""
         if isinstance(value, bool) or not isinstance(value, int) or value < 0:
             raise WorldError(f"{where} must be a whole number, zero or more (it is {value!r})")
         return value
@@ -68,7 +68,7 @@ class NumberBySensor:
     transducers: bool
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> BySensor:
-        """See `Kind.read`."""
+        """The checked value."""
         number = Number()
         if not isinstance(value, Mapping):
             return number.read(value, where, axes)
@@ -85,7 +85,7 @@ class Word:
     words: tuple[str, ...]
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> str:
-        """See `Kind.read`."""
+        """The checked value."""
         if value not in self.words:
             raise WorldError(f"{where} must be one of {', '.join(self.words)} (it is {value!r})")
         return str(value)
@@ -96,7 +96,7 @@ class Switch:
     """true or false."""
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> bool:
-        """See `Kind.read`."""
+        """The checked value."""
         if not isinstance(value, bool):
             raise WorldError(f"{where} must be true or false (it is {value!r})")
         return value
@@ -107,7 +107,7 @@ class Moment:
     """A date and time, UTC unless it has an offset; kept as seconds since 1970-01-01."""
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> float:
-        """See `Kind.read`."""
+        """The checked value."""
         if isinstance(value, str):
             try:
                 value = datetime.fromisoformat(value)
@@ -129,7 +129,7 @@ class Several:
     table: type
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> tuple[Any, ...]:
-        """See `Kind.read`."""
+        """The checked value."""
         if isinstance(value, str) or not isinstance(value, Sequence):
             raise WorldError(f"{where} must be given as tables, each under [[{where}]]")
         return tuple(

@@ -18,7 +18,7 @@ class Text:
     """A text that is a formula; its variables are checked with the bench."""
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> str:
-        """See `fields.Kind.read`."""
+        """The checked value."""
         if not isinstance(value, str):
             raise WorldError(f"{where} must be a formula in quotes (it is {value!r})")
         Formula.parse(value or "0", where)
@@ -30,7 +30,7 @@ class Name:
     """The name of a factor; it is checked with the bench."""
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> str:
-        """See `fields.Kind.read`."""
+        """The checked value."""
         if not isinstance(value, str) or not value:
             raise WorldError(f"{where} must be the name of a factor (it is {value!r})")
         return value
@@ -124,7 +124,7 @@ class Tables:
     table: type
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> Mapping[str, Any]:
-        """See `fields.Kind.read`."""
+        """The checked value."""
         if not isinstance(value, Mapping):
             raise WorldError(f"{where} must be tables, [{where}.NAME]")
         return {str(name): read_table(self.table(), one, f"{where}.{name}", axes) for name, one in value.items()}

@@ -40,13 +40,13 @@ class Line(PressureLine):
         self.settings = Steps(start, self.truth.start_psia)
 
     def command(self, now: float, setpoint_psia: float, slew_psi_per_s: float, *, overshoot: bool = False) -> None:
-        """See `PressureLine.command`."""
+        """Control to a setpoint of the controller's own reading."""
         if not self.controlling or setpoint_psia != self.setpoint_psia:
             self._set(now, setpoint_psia, slew_psi_per_s)
         super().command(now, setpoint_psia, slew_psi_per_s, overshoot=overshoot)
 
     def vent(self, now: float, rate_psi_per_s: float) -> None:
-        """See `PressureLine.vent`."""
+        """Vent the line to the atmosphere at this maximum rate; the vent stays open until the next command."""
         self._set(now, self.truth.ambient_psia, rate_psi_per_s)
         super().vent(now, rate_psi_per_s)
 

@@ -178,7 +178,7 @@ class _SensorTables:
     """`[sensors.NAME]` tables; a sensor of the bench without a table gets default values."""
 
     def read(self, value: object, where: str, axes: Mapping[str, str]) -> Mapping[str, Any]:
-        """See `fields.Kind.read`."""
+        """The checked value."""
         if not isinstance(value, Mapping):
             raise WorldError(f"{where} must be tables, [{where}.NAME]")
         known_keys(value, axes, where, "on this bench")

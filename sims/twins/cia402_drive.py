@@ -118,7 +118,7 @@ class Drive:
         self._emergency(code, 0x21)
 
     def read(self, index: int, subindex: int) -> bytes:
-        """See `rig.sims.wires.sdo_server.Objects`."""
+        """An object's value. Raises `Aborted`."""
         found = self._find(index, subindex)
         if found.access == "wo":
             raise sdo.Aborted(sdo.WRITE_ONLY)
@@ -133,7 +133,7 @@ class Drive:
         return found.pack(compute() if compute else self._values[key])
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
-        """See `rig.sims.wires.sdo_server.Objects`."""
+        """Set an object's value. Raises `Aborted`."""
         found = self._find(index, subindex)
         if found.access in ("ro", "const"):
             raise sdo.Aborted(sdo.READ_ONLY)

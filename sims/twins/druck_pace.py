@@ -370,7 +370,7 @@ class DruckPACETwin(PaceStatus):
         return str(events)
 
     def pressure_events(self) -> int:
-        """See `PaceStatus.pressure_events`."""
+        """The pressure event register: events since the last reading."""
         reached = self._in_limits_from()
         condition = int(self.ask_pressure_condition())
         if reached is None or reached <= self._events_read:

@@ -146,7 +146,7 @@ class TriggeredTwin(ScpiTwin):
         return self._began is not None
 
     def busy_for(self) -> float:
-        """See `ScpiTwin`."""
+        """Seconds until the running measurement is complete; 0 if there is none."""
         if not self.measuring:
             return 0.0
         return max(0.0, self._ends - self.world.now()) if math.isfinite(self._ends) else _LOOK_AGAIN_S

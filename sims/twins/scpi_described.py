@@ -96,7 +96,7 @@ class DescribedTwin(ScpiTwin):
         return ";".join(f if "{number}" in p else p for p, f in zip(parts, filled, strict=True)).replace("*", "0")
 
     def commands_in(self, line: str) -> Sequence[tuple[str, str]]:
-        """See `ScpiTwin.commands_in`; a compound question of the bench file is one command."""
+        """The commands of a line, in order; a compound question of the bench file is one command."""
         plain, given = super().commands_in(line), units(line)
         for at in range(len(given)):
             for count in range(2, len(given) - at + 1):

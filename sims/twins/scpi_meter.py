@@ -59,7 +59,7 @@ class DescribedMeterTwin(DescribedTwin):
         self._began = -1.0
 
     def accuracy(self, channel: str, unit: str) -> Accuracy:
-        """See `rig.sims.twin.Accurate`."""
+        """Accuracy of readings of an input; `unit` is "V" or "degC"."""
         return Accuracy(6.0 * _NOISE + 1e-9)
 
     def busy_for(self) -> float:

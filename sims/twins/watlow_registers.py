@@ -96,7 +96,7 @@ class Bank:
             self._at[address + offset] = (register, offset)
 
     def read(self, address: int, count: int) -> list[int]:
-        """See `rig.sims.wires.modbus_slave.Registers`; every word must belong to a register; numbers are read whole.
+        """Words from `address` on; every word must belong to a register; numbers are read whole.
 
         A parameter of 16 bits has two addresses: public clients read across the second, which is 0 here [?].
         """
@@ -119,7 +119,7 @@ class Bank:
         return words[:count]
 
     def write(self, address: int, words: Sequence[int]) -> None:
-        """See `rig.sims.wires.modbus_slave.Registers`; registers are written whole."""
+        """Set words from `address` on; registers are written whole."""
         done = 0
         while done < len(words):
             register, offset = self._find(address + done)

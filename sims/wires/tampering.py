@@ -42,11 +42,11 @@ class Untouched:
     connection = 0
 
     def to_twin(self, message: bytes, forward: Deliver, deliver: Deliver) -> None:
-        """See `Tampering.to_twin`."""
+        """A message from the host; see `rig.sims.faults.faulty_wire.FaultyWire`."""
         forward(message)
 
     def to_host(self, message: bytes, deliver: Deliver) -> None:
-        """See `Tampering.to_host`."""
+        """A message from the instrument."""
         deliver(message)
 
 

@@ -67,7 +67,9 @@ class Effect(Entry):
 
     @property
     def by_hand(self) -> tuple[ByHand, ...]:
-        """See `Entry`; nothing is known of a laboratory's own effects."""
+        """Influences of changes by a person; without an entry of its own, those of its family. Nothing is known of a
+        laboratory's own effects.
+        """
         families = {} if self.own else FAMILIES
         return families.get(self.source, ()) if self.manual_changes is None else self.manual_changes
 

@@ -36,7 +36,7 @@ class Scene:
     elapsed_s: float
 
     def on(self, data: AttitudeData) -> Scene:
-        """The same references for other observations."""
+        """A scene of other observations, with the references of this one."""
         return replace(self, data=data)
 
     @cached_property

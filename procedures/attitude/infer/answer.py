@@ -106,7 +106,7 @@ def nowhere(out: InferredAttitude, rows: NDArray[np.bool_], text: str = NO_ATTIT
 
 
 def turn_over(out: InferredAttitude, over: NDArray[np.bool_]) -> None:
-    """The same attitudes with pitch beyond +-90 deg."""
+    """Write the attitudes of some rows, which have two names, with pitch beyond +-90 deg."""
     half_turn = np.where(out.pitch_deg[over] >= 0, HALF_TURN, -HALF_TURN)
     low, high = half_turn - out.pitch_hi95_deg[over], half_turn - out.pitch_lo95_deg[over]
     out.pitch_deg[over] = half_turn - out.pitch_deg[over]

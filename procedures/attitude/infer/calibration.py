@@ -182,7 +182,7 @@ class AttitudeCalibration:
         return np.asarray(found * np.where(s == t, 1.0, 2.0)[:, None])
 
     def for_readings(self, within: Mapping[str, Within], count: float) -> AttitudeCalibration:
-        """The same for readings in use that are the mean of so many readings, by their scatter inside points."""
+        """This calibration for readings in use that are means of `count` readings, by their scatter inside points."""
         sigma, df = np.empty(len(self.sensors)), np.empty(len(self.sensors))
         for i, name in enumerate(self.names):
             variance, own = float(self.sigma_V[i] ** 2), within[name]

@@ -122,7 +122,7 @@ def _as_named(
     noise_sd_V: ArrayLike | None,
     weighted: bool,
 ) -> InferredAttitude:
-    """See `infer_attitude`; by one calibration, without its alternatives."""
+    """Attitudes as by `infer_attitude`; by one calibration, without its alternatives."""
     outputs = np.asarray(outputs_V, np.float64)
     outputs = outputs[:, None] if outputs.ndim == 1 and len(calibration.sensors) == 1 else outputs
     if outputs.ndim != 2 or outputs.shape[1] != len(calibration.sensors):

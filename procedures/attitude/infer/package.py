@@ -202,14 +202,14 @@ def _by_root(root: FloatArray, rows: Sequence[FloatArray], gains: FloatArray) ->
 
 
 def _alike(between: FloatArray, own: FloatArray, gains: FloatArray) -> FloatArray:
-    """The same by the (S, S) root of the sensors' factor and (n,) variance of one sensor of factor one."""
+    """(...) variance of (S, ...) gains, by the (S, S) root of factors and (n,) variance of a sensor of factor one."""
     turned = between.T @ gains.reshape(len(gains), -1)
     return np.asarray(np.einsum("kn,kn->n", turned, turned)).reshape(gains.shape[1:]) * own
 
 
 def _by_pairs(shared: FloatArray, gains: FloatArray) -> FloatArray:
-    """The same by (S (S + 1) / 2, n) covariance of the parts of each pair of sensors, twice that of two different
-    ones.
+    """(...) variance of (S, ...) gains, by (S (S + 1) / 2, n) covariances of pairs of sensors, twice that of two
+    different ones.
     """
     found, at = np.zeros(gains.shape[1:]), 0
     for i in range(len(gains)):

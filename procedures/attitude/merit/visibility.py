@@ -60,7 +60,7 @@ def visibility(design: DesignPoints, effect: FloatArray) -> Visibility:
 
 
 def pad_visibility(design: DesignPoints) -> Visibility:
-    """The same for soft isolation pads under the package: sin 2a cos R in an x sensor, section 9.1.
+    """Visibility of soft isolation pads under the package: sin 2a cos R in an x sensor, section 9.1.
 
     Without roll it is sin 2a, which within +-30 deg of pitch the model [1, sin a, cos a] imitates to 4 %.
     """

@@ -81,11 +81,11 @@ class CurveCalibration:
         return self.variables[0]
 
     def at(self, fixed: Mapping[str, float | FloatArray]) -> CurveCalibration:
-        """The same with known values of other variables."""
+        """This calibration with known values of other variables."""
         return replace(self, fixed={**self.fixed, **fixed})
 
     def within(self, between: tuple[float, float] | None) -> CurveCalibration:
-        """The same for values of the variable in a range; unchanged for None. `limits` checks the range."""
+        """This calibration for values of the variable in a range; unchanged for None. `limits` checks the range."""
         return replace(self, between=between)
 
     @property
@@ -175,16 +175,16 @@ class CurveCalibration:
         )
 
     def moved(self, coefficients: FloatArray) -> CurveCalibration:
-        """The same with (k,) other coefficients, for values alone: what an influence does to them."""
+        """This calibration with (k,) other coefficients, for values alone: what an influence does to them."""
         return replace(self, coefficients=coefficients, value_only=True)
 
     def for_readings(self, within: Within, count: float) -> CurveCalibration:
-        """The same for a reading in use that is the mean of so many readings."""
+        """This calibration for readings in use that are means of `count` readings."""
         own = float(self.variances[0]) if len(self.variances) else 0.0
         return replace(self, change=(within.change(own, count), max(within.df, 1.0)))
 
     def with_reading(self, u: float) -> CurveCalibration:
-        """The same for readings of a known standard uncertainty, in units of the response."""
+        """This calibration for readings of a known standard uncertainty, in units of the response."""
         return replace(self, reading=u)
 
     def curve(self, x: FloatArray) -> FloatArray:

@@ -55,16 +55,16 @@ class NamedCurve(ByStep):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """See `rig.fitter.nonlinear.Curve`."""
+        """Required columns."""
         return (self.variable,)
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """See `rig.fitter.nonlinear.Curve`."""
+        """Names of the k parameters."""
         return tuple(one.name for one in self.model.parameters)
 
     def at(self, b: Sequence[Any], table: Mapping[str, Any]) -> Any:
-        """See `rig.fitter.nonlinear.ByStep`."""
+        """(n,) values of the curve, of complex numbers too: derivatives are taken by a complex step."""
         factor, offset = self.response
         return (self.model.curve(b, self.of_model(table[self.variable])) - offset) / factor
 

@@ -71,12 +71,12 @@ class EnvironmentSettled(Event, status="environment-settled", says="environment 
     chambers: Mapping[str, Mapping[str, Any]] = EMPTY
 
     def body(self) -> dict[str, Any]:
-        """See `Event.body`."""
+        """Fields of the record besides its own columns."""
         return dict(self.chambers)
 
     @classmethod
     def of_body(cls, body: Mapping[str, Any], status: str | None) -> Event:
-        """See `Event.of_body`."""
+        """The event for a checked body."""
         return cls(chambers=body)
 
 
@@ -172,7 +172,7 @@ class Fault(Event, kind="fault", exported=True):
 
     @property
     def ending(self) -> str:
-        """See `Event.ending`."""
+        """How it ends its session, in words; "" if it does not end it."""
         return "fault" if self.gives_up else ""
 
     @property

@@ -167,7 +167,7 @@ class Identified(Event, kind="identity"):
     replaces: Mapping[str, Any] | None = None
 
     def body(self) -> dict[str, Any]:
-        """See `Event.body`; unknown values are null. A record of real instruments does not speak of simulators."""
+        """Fields besides its own columns; unknown ones are null. A record of real instruments names no simulator."""
         left = {"instrument"} if self.simulated else {"instrument", "simulated"}
         return {name: value for name, value in vars(self).items() if name not in left}
 
@@ -256,7 +256,7 @@ class Ended(
 
     @property
     def ending(self) -> str:
-        """See `Event.ending`; lost points are said."""
+        """How it ends its session, in words; "" if it does not end it. Lost points are said."""
         return f"{self.how}, without {len(self.skipped)} of its points" if self.skipped else self.how
 
     def sentence(self, record: Columns) -> str:

@@ -51,7 +51,7 @@ def check_instruments(config: BenchConfig, known: Known, run_file: Path | None) 
 
 
 def check_twins(config: BenchConfig, truth: Mapping[str, Any], world: str, known: Known) -> Iterator[Finding]:
-    """The same for the simulated bench of a dry run, which has neither addresses nor locks."""
+    """Ask the instruments of the simulated bench of a dry run, which has neither addresses nor locks."""
     from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real run never loads the simulation
 
     dry = DryBench(config, truth, where=world)

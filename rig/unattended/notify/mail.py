@@ -114,7 +114,7 @@ class _Server(smtplib.SMTP):
         return ssl.create_default_context().wrap_socket(sock, server_hostname=host) if self._encrypted else sock
 
     def getreply(self) -> tuple[int, bytes]:
-        """See `smtplib`."""
+        """The server's code and text; no more of them is read than an answer can have."""
         if self.file is None and self.sock is not None:
             self.file = _Bounded(self.sock.makefile("rb"), _MOST_ANSWERED)
         return super().getreply()

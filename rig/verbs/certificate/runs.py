@@ -85,7 +85,7 @@ def read_run(
 def _read_table(
     path: Path, stage: Stage, asked: CertificateRequest, settings: CertificateSettings, reasons: list[str]
 ) -> CertifiedRun | None:
-    """The same of a CSV table: the settings say what a run file would."""
+    """Read a CSV table like a run: the settings say what a run file would."""
     given, own = asked.settings_file, settings.table
     if own is None:
         reasons.append(

@@ -44,7 +44,7 @@ class Accounts:
         self._anew: dict[str, float] = {}
 
     def look(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
-        """See `Rule.look`."""
+        """Defects of a record: ends of sentences that begin with the record's name."""
         expected = fold.sessions + isinstance(event, SessionBegan)
         if record.session != expected:
             yield f"it is of session {record.session}, where session {expected} is under way"

@@ -53,7 +53,7 @@ class Durations:
             self._longest_s += _REAL_SLACK_S * case.speed
 
     def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
-        """See `Rule.look`."""
+        """Defects of a record: ends of sentences that begin with the record's name."""
         if isinstance(event, NOTED):
             return
         last, self._last_s = self._last_s, record.elapsed_s

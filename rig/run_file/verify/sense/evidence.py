@@ -60,7 +60,7 @@ class Evidence:
         self._waited_for: set[str] = set()
 
     def look(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
-        """See `Rule.look`."""
+        """Defects of a record: ends of sentences that begin with the record's name."""
         if isinstance(event, SessionBegan):
             self._writes_all = event.writes_all
             self._homes_again = False

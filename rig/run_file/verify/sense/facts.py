@@ -31,7 +31,7 @@ class Facts:
         self._stated_by: object = None
 
     def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
-        """See `Rule.look`."""
+        """Defects of a record: ends of sentences that begin with the record's name."""
         match event:
             case RunCreated():
                 yield from self._run(event)

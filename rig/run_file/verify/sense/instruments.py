@@ -49,7 +49,7 @@ class Instruments:
         self._writes_all = False
 
     def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
-        """See `Rule.look`."""
+        """Defects of a record: ends of sentences that begin with the record's name."""
         match event:
             case SessionBegan():
                 self._writes_all = event.writes_all

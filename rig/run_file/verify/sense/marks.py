@@ -37,7 +37,7 @@ class Marks:
         self._failures: dict[str, dict[str, int]] = {}
 
     def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
-        """See `Rule.look`."""
+        """Defects of a record: ends of sentences that begin with the record's name."""
         if isinstance(event, NOTED):
             return
         yield from self._attempt(record, event)

@@ -41,7 +41,7 @@ class Places:
         self._waited_for: set[str] = set()
 
     def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
-        """See `Rule.look`."""
+        """Defects of a record: ends of sentences that begin with the record's name."""
         match event:
             case Observed(accepted=True):
                 assert record.run_index is not None

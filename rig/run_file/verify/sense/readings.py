@@ -53,7 +53,7 @@ class Readings:
             self._columns = {"outputs": outputs, "temperatures": set(bench.temperatures)}
 
     def look(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
-        """See `Rule.look`."""
+        """Defects of a record: ends of sentences that begin with the record's name."""
         if not isinstance(event, Observed) or event.overload is not None:
             return
         yield from self._evidence(event.body(), "")

@@ -44,7 +44,7 @@ class Times:
         self._marks_steps = self._measures = False
 
     def look(self, record: Record, event: Event, fold: RunState) -> Iterator[str]:
-        """See `Rule.look`."""
+        """Defects of a record: ends of sentences that begin with the record's name."""
         before, self._last = self._last, record
         behind_s = before.elapsed_s - record.elapsed_s
         if behind_s > (_ROUNDING_S if isinstance(event, SessionBegan) else 0.0):

@@ -59,7 +59,7 @@ class Written:
         ]
 
     def look(self, record: Record, event: Event, _fold: RunState) -> Iterator[str]:
-        """See `Rule.look`."""
+        """Defects of a record: ends of sentences that begin with the record's name."""
         if isinstance(event, SessionBegan):
             self._ours = event.software.get(_RIG) == VERSION
             self._writes_all = event.writes_all
