@@ -20,12 +20,22 @@ OVERLOAD = 9.9e37
 
 
 def is_overload(reading: float) -> bool:
-    """Whether a reading means an overload or no reading."""
+    """Whether a reading means an overload or no reading.
+
+    Example:
+        >>> is_overload(9.9e37), is_overload(float("nan")), is_overload(-10.0)
+        (True, True, False)
+    """
     return not abs(reading) < 1e37
 
 
 def any_overload(readings: Sequence[float]) -> bool:
-    """Whether any of these readings means an overload or no reading."""
+    """Whether any of these readings means an overload or no reading.
+
+    Example:
+        >>> any_overload([0.1, OVERLOAD])
+        True
+    """
     return bool([r for r in readings if not -1e37 < r < 1e37])
 
 
@@ -38,6 +48,10 @@ class Identity:
         model: as the instrument spells it.
         serial: its serial number, or "" if it does not report one (a 34401A answers 0).
         firmware: version text, or "".
+
+    Example:
+        >>> Identity("HEWLETT-PACKARD", "34401A", "0", "11-5-2").confirmed
+        False
     """
 
     maker: str
@@ -370,7 +384,12 @@ _PLAYS: dict[tuple[type, type], bool] = {}
 
 
 def plays(instrument: Any, role: type[Role]) -> TypeGuard[Role]:
-    """Whether an instrument has a role, by its class; to ask a protocol takes as long as an exchange."""
+    """Whether an instrument has a role, by its class; to ask a protocol takes as long as an exchange.
+
+    Example:
+        >>> plays(object(), Reader)
+        False
+    """
     pair = type(instrument), role
     if pair not in _PLAYS:
         _PLAYS[pair] = isinstance(instrument, role)

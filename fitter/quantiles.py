@@ -22,7 +22,12 @@ def t_limit(level: float, df: float) -> float:
 
 
 def t_tail(t: float, df: float) -> float:
-    """Two-tailed probability of exceeding `|t|` with `df` degrees of freedom."""
+    """Two-tailed probability of exceeding `|t|` with `df` degrees of freedom.
+
+    Example:
+        >>> round(t_tail(2.228, 10), 3)
+        0.05
+    """
     return float(2.0 * special.stdtr(df, -abs(t)))
 
 

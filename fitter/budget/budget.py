@@ -100,13 +100,22 @@ def budgets(
         influences: with (m,) sensitivities each.
         probability: coverage probability.
         correlations: between influences.
-        shapes: coverage factors by the shapes of the distributions, as EA-4/02 has them in S9 and S10, instead of
-            Student's t: smaller where limits of error dominate. For about 95 %. "where limits dominate": of those
-            results alone of which one or two rectangular errors dominate (`DOMINATED`).
+        shapes: True for coverage factors by the shapes of the distributions instead of Student's t, as in EA-4/02,
+            S9 and S10; for about 95 %. They are smaller where limits of error dominate. "where limits dominate": only
+            for results in which one or two rectangular errors dominate (`DOMINATED`).
         forecast: combined by `combine` in numpy, the same to 1e-9: a forecast need not wait 0.2 s until GTC is loaded.
 
     Raises:
         FitError: what `checked` refuses, or a probability that is not between 0 and 1.
+
+    Example:
+        >>> fit = TypeA(np.array([[0.09]]), df=10.0)
+        >>> meter = Influence("gain of dvm", "certificate K-1234", "B", np.array([0.4]))
+        >>> (one,) = budgets(["offset"], ["mV"], np.array([5.0]), fit, [meter])
+        >>> round(one.standard_uncertainty, 3), round(one.expanded_uncertainty, 2)
+        (0.5, 1.0)
+        >>> [(line.name, round(line.share, 2)) for line in one.contributions]
+        [('gain of dvm', 0.64), ('repeatability', 0.36)]
 
     """
     inputs = checked(names, values, type_a, influences, correlations)

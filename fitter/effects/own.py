@@ -53,8 +53,28 @@ class Grammar:
 def own_effects(text: str, grammars: Sequence[Grammar]) -> tuple[Entry, ...]:
     """Effects written in TOML, of any of the kinds whose grammars are given.
 
+    Args:
+        text: `[[effect]]` tables, as at the head of this module.
+        grammars: of the kinds of calibration; `GRAMMAR` of the module `effects.own` of each.
+
     Raises:
         FitError: it is not TOML, a field is missing or unknown, or a column is not a formula; the message names it.
+
+    Example:
+        >>> from rig.procedures.general.effects.own import GRAMMAR
+        >>> text = '''
+        ... [[effect]]
+        ... name = "draught"
+        ... cause = "a draught cools the cell while the door is open"
+        ... scope = "sensor"
+        ... stratum = "row"
+        ... unit = "mV"
+        ... columns = ["exp(-x_mm)"]
+        ... separate_by = "close the door"
+        ... usual_size = "0.1 mV"
+        ... '''
+        >>> [effect.name for effect in own_effects(text, [GRAMMAR])]
+        ['draught']
     """
     try:
         tables = tomllib.loads(text)

@@ -255,7 +255,7 @@ class RunList:
         object.__setattr__(self, "steps", steps)
 
     def with_steps(self, steps: Iterable[HandStep]) -> Self:
-        """The same points with these steps by hand. Raises ValueError if they are out of order."""
+        """This run list with other steps by hand. Raises ValueError if they are out of order."""
         made = copy.copy(self)
         made._take(steps)
         return made
@@ -293,7 +293,13 @@ class RunList:
         return {f.name: value for f, value in zip(self.factors, point.setpoints, strict=True)}
 
     def told(self, point: Point) -> str:
-        """Setpoints of a point for people: `force 3 kN, air 20 degC`."""
+        """Setpoints of a point for people.
+
+        Example:
+            >>> run_list = RunList([Factor("force_kN", "force")], [Point(0, 1, None, (3.0,), (0,))], seed=1)
+            >>> run_list.told(run_list.points[0])
+            'force 3 kN'
+        """
         parts = ((*split_unit(name), value) for name, value in self.setting(point).items())
         return ", ".join(f"{stem.replace('_', ' ')} {value:g} {spelled(unit)}" for stem, unit, value in parts)
 

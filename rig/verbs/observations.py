@@ -60,6 +60,11 @@ class Observations(Columned):
 
     Attributes:
         table: the object used by fits and traces.
+
+    Example:
+        >>> table = rig.open("line.csv").table
+        >>> len(table), table["x_mm"].max()
+        (60, np.float64(5.0))
     """
 
     def __init__(self, table: Table) -> None:

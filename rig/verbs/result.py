@@ -40,10 +40,22 @@ class Plots(tuple["Figure", ...]):
 
 
 class Result(ABC):
-    """A result: the output of a command, as an object."""
+    """A result: the output of a command, as an object.
+
+    Example:
+        >>> line = rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm")
+        >>> "y_mV" in str(line)
+        True
+    """
 
     def to_json(self) -> dict[str, Any]:
-        """The JSON of the command with `--json`, as dictionaries, lists, text, numbers, None."""
+        """The JSON of the command with `--json`, as dictionaries, lists, text, numbers, None.
+
+        Example:
+            >>> line = rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm")
+            >>> sorted(line.to_json()["coefficients"])
+            ['1', 'x_mm']
+        """
         found: dict[str, Any] = finite(self._told)
         return found
 
@@ -69,11 +81,21 @@ class Result(ABC):
         """Matplotlib figures, shown by a notebook. Raises `UsageError` if there are none."""
 
     def to_pandas(self) -> DataFrame:
-        """Its numbers as a data frame; `attrs["units"]` has the units by column. Raises `UsageError` without pandas."""
+        """Its numbers as a data frame; `attrs["units"]` has the units by column. Raises `UsageError` without pandas.
+
+        Example:
+            >>> rig.open("line.csv").table.to_pandas().attrs["units"]["x_mm"]
+            'mm'
+        """
         return self.frame().to_pandas()
 
     def to_xarray(self) -> Dataset:
-        """Its numbers as labelled arrays, with `attrs["units"]` each. Raises `UsageError` without xarray."""
+        """Its numbers as labelled arrays, with `attrs["units"]` each. Raises `UsageError` without xarray.
+
+        Example:
+            >>> rig.open("line.csv").table.to_xarray()["x_mm"].attrs
+            {'units': 'mm'}
+        """
         return self.frame().to_xarray()
 
     def _repr_html_(self) -> str:
@@ -106,7 +128,11 @@ class Reported(Result):
         return Plots(self._page.figures)
 
     def report(self, path: Path | str) -> None:
-        """Write its report as self-contained HTML. Raises `UsageError` if it has none."""
+        """Write its report as self-contained HTML. Raises `UsageError` if it has none.
+
+        Example:
+            >>> rig.open("line.csv").trace(response="y_mV", formula="1 + x_mm").report("trace.html")
+        """
         from rig.verbs.write_page import write_page  # noqa: PLC0415 - templates are needed for reports alone
 
         write_page(Path(path), self._page)

@@ -446,15 +446,40 @@ def test_the_examples_of_the_document_run(folder):
     assert complaints((ROOT / "docs" / "how_to" / "python.md").read_text().replace("```", ""), "python.md", 20) == ""
 
 
-@pytest.mark.parametrize("name", ["open", "infer", "chart", "plan", "run"])
-def test_the_examples_of_public_functions_run(folder, name):
-    assert complaints(inspect.getdoc(getattr(rig, name)), name, 1) == ""
+def own_docstrings() -> dict[str, str]:
+    """Docstrings with an example, of public names and of what they define or inherit, by name."""
+    found = {}
+    for name in sorted({*PUBLIC, *MEMBERS}):
+        members = [m for m in MEMBERS.get(name, ()) if not hasattr(object, m)]
+        for path in (name, *(f"{name}.{member}" for member in sorted(members))):
+            one = getattr(rig, name) if path == name else inspect.getattr_static(getattr(rig, name), path.split(".")[1])
+            text = inspect.getdoc(one) or ""
+            if ">>>" in text and text not in found.values():
+                found[path] = text
+    return found
+
+
+EXAMPLES = own_docstrings()
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_examples_of_public_names_run(folder, name):
+    assert complaints(EXAMPLES[name], name, 1) == ""
+
+
+def test_public_functions_and_methods_that_take_something_have_an_example():
+    without = {name for name in PUBLIC if name not in EXAMPLES} - {"budget"}
+    assert without == set()
+    assert {"Data.fit", "Data.trace", "Calibration.save", "Calibration.infer", "Trace.verdicts"} <= EXAMPLES.keys()
 
 
 @pytest.mark.parametrize(
     "module",
     [
+        "rig.drivers.roles",
+        "rig.fitter.budget.budget",
         "rig.fitter.decision.rules",
+        "rig.fitter.effects.own",
         "rig.fitter.formula",
         "rig.fitter.quantiles",
         "rig.fitter.rounding",

@@ -32,6 +32,13 @@ class ControlChart(Reported):
 
     Attributes:
         charted: every sensor.
+
+    Example:
+        >>> for year in ("2025", "2026"):
+        ...     rig.open(f"cell-{year}.csv").fit(response="y_V", formula="1 + x_mm").save(f"{year}.json")
+        >>> chart = rig.chart(["2025.json@2025-01-15", "2026.json@2026-01-15"], tolerance=0.1, today="2026-02-01")
+        >>> chart.to_pandas()["date"].nunique()
+        2
     """
 
     def __init__(self, charted: ControlCharts) -> None:

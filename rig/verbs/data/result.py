@@ -95,6 +95,10 @@ class Calibration(Evaluated):
     Attributes:
         fitted: as its kind has it.
 
+    Example:
+        >>> line = rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm")
+        >>> line.to_pandas()["estimate"].round(1).tolist()
+        [3.0, 2.0]
     """
 
     def __init__(
@@ -139,14 +143,26 @@ class Calibration(Evaluated):
 
     @property
     def inside(self) -> bool:
-        """Whether it is inside the tolerance that was asked for, if one was."""
+        """Whether it is inside the tolerance that was asked for, if one was.
+
+        Example:
+            >>> rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm", tolerance=0.5).inside
+            True
+        """
         return bool(self._told.get("acceptance", {}).get("inside", True))
 
     def save(self, path: str | Path) -> None:
-        """Write the calibration file of `rig fit --out`. Raises `UsageError` if the disk refuses.
+        """Write the calibration file of `rig fit --out`.
+
+        Args:
+            path: a JSON file; an existing one is replaced whole.
 
         Raises:
+            UsageError: the disk refuses.
             DataError: a number of the fit is too large for a double, or is not a number.
+
+        Example:
+            >>> rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm").save("line.json")
         """
         endless = first_endless(self._told)
         if endless is not None:
@@ -163,7 +179,13 @@ class Calibration(Evaluated):
     def infer(
         self, readings: Readings, *, out: str | Path | None = None, mean_of: int | None = None, **options: Any
     ) -> Inferred:
-        """Infer the measured quantities; arguments and errors as for `rig.infer`."""
+        """Infer the measured quantities; arguments and errors as for `rig.infer`.
+
+        Example:
+            >>> line = rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm")
+            >>> line.infer({"y_mV": [5.0, 7.0]})["x_mm"].round(1).tolist()
+            [1.0, 2.0]
+        """
         check_readings(readings, out, [Path(self.source)], options)
         file = calibration_in(json.dumps(with_hashes(self._told)), f"the fit of {self.source}")
         return infer_from(file, readings, out, options, mean_of=mean_of)
@@ -178,6 +200,9 @@ class Trace(Evaluated):
     Attributes:
         traced: as its kind has it.
 
+    Example:
+        >>> rig.open("line.csv").trace(response="y_mV", formula="1 + x_mm")
+        <rig.Trace of line.csv: y_mV: explained>
     """
 
     def __init__(self, traced: Traced, kind: Kind, source: str, understood: Mapping[str, Any] | None = None) -> None:
@@ -194,7 +219,12 @@ class Trace(Evaluated):
 
     @property
     def verdicts(self) -> Mapping[str, str]:
-        """By sensor: "explained", "nothing to add", "partly explained" or "unexplained"."""
+        """By sensor: "explained", "nothing to add", "partly explained" or "unexplained".
+
+        Example:
+            >>> rig.open("line.csv").trace(response="y_mV", formula="1 + x_mm").verdicts
+            {'y_mV': 'explained'}
+        """
         return {name: str(found["verdict"]) for name, found in self._told["sensors"].items()}
 
     @cached_property
@@ -215,6 +245,13 @@ class Data:
 
     Attributes:
         path: the file.
+
+    Example:
+        >>> data = rig.open("line.csv")
+        >>> len(data.table)
+        60
+        >>> data.fit(response="y_mV", formula="1 + x_mm")
+        <rig.Calibration of line.csv: any table>
     """
 
     def __init__(self, path: str | Path, asked: FileForm = NOTHING) -> None:
@@ -245,14 +282,29 @@ class Data:
             UsageError: no kind matches the table, or it does not have an option.
             DataError: columns or values are missing, or the rows do not determine the model.
             RunFileError: the run file is damaged.
+
+        Example:
+            >>> rig.open("night.sqlite").fit()
+            <rig.Calibration of night.sqlite: attitude sensors>
+            >>> len(rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm", leave_out=[3, 5]).notes()) > 0
+            True
         """
         rows = [leave_out] if isinstance(leave_out, (str, int)) else list(leave_out)
         later = [Path(one) for one in ([confirmed_by] if isinstance(confirmed_by, (str, Path)) else confirmed_by)]
         return fit_source(self._source, options, [str(row) for row in rows], later)
 
     def trace(self, **options: Any) -> Trace:
-        """Find effects missing in the declared model; options of `rig trace` for this kind of table, errors as for
-        `fit`.
+        """Find effects missing in the declared model.
+
+        Args:
+            options: of `rig trace` for this kind of table, with underscores for hyphens.
+
+        Raises:
+            UsageError, DataError, RunFileError: as for `fit`.
+
+        Example:
+            >>> rig.open("line.csv").trace(response="y_mV", formula="1 + x_mm").verdicts
+            {'y_mV': 'explained'}
         """
         return trace_source(self._source, options)
 
@@ -274,7 +326,7 @@ def open(  # noqa: A001 - rig.open, as one opens a file
     encoding: str | None = None,
     header: int | None = None,
 ) -> Data:
-    """A run file or a CSV table, of others too.
+    """Open a run file or a CSV table, also one that another program wrote.
 
     Args:
         path: the file.

@@ -58,6 +58,11 @@ class Plan(Result):
         now: assumed time of its start.
         disk: free bytes in the folder of its file, and needed bytes.
         promised: total uncertainties by the bench's register of equipment.
+
+    Example:
+        >>> plan = rig.plan("procedure.toml", "bench.toml")
+        >>> plan.finish < plan.finish_latest
+        True
     """
 
     checked: Checked

@@ -33,6 +33,11 @@ class Run(Result):
         outcome: "complete", "stopped", "interrupted", "fault" or "unsafe".
         message: the reason, "" if none is needed.
         head: hash of the run file's last record; kept elsewhere, it shows later changes of the file.
+
+    Example:
+        >>> done = rig.run("procedure.toml", "bench.toml", world="world.toml")
+        >>> done.complete, len(done.data.table)
+        (True, 12)
     """
 
     def __init__(self, ended: Ended) -> None:
