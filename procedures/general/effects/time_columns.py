@@ -143,8 +143,7 @@ def lag(scene: TableScene, name: str) -> Terms:
     session = _session(scene)
     breaks = interruptions(session, MOST_INTERRUPTIONS)
     stood, at_rest = scene.stood(name), middle(v)
-    if stood is not None and (stood.start is None or np.isnan(stood.start[0])):
-        breaks = (0, *breaks)  # the first row remembers a setting that nobody read
+    unread = stood is not None and (stood.start is None or bool(np.isnan(stood.start[0])))
 
     def at(tau: float) -> TableTerm:
         tau = rounded(tau, tau)
@@ -152,6 +151,9 @@ def lag(scene: TableScene, name: str) -> Terms:
             [f"lag({less(name, at_rest)}, {tau:.15g})"],
             [lagging(v - at_rest, gap, tau, stood and stood.on(at_rest))],
         )
+        if unread:  # the first row remembers a setting that nobody read
+            labels.append(f"{_BEGIN}{less(time.name, rounded(float(t[0]), float(np.ptp(t)), 6))})/{tau:.15g})")
+            columns.append(np.exp(-(t - rounded(float(t[0]), float(np.ptp(t)), 6)) / tau))
         for first in breaks:
             start = rounded(float(t[first]), float(np.ptp(t)), 6)
             labels.append(f"({BLOCK} == {session[first]:g}) * exp(-({less(time.name, start)})/{tau:.15g})")
@@ -161,9 +163,13 @@ def lag(scene: TableScene, name: str) -> Terms:
     return searched(constants, at, log=True, what=TIME_CONSTANT)
 
 
+_BEGIN = "1 * exp(-("
+"""Begin of the label of what the first row remembers."""
+
+
 def of_start(label: str) -> bool:
-    """Whether a column of `lag` is what was remembered at the start of a later session: no part of the effect."""
-    return label.startswith(f"({BLOCK} == ")
+    """Whether a column of `lag` is what was remembered at the start of a session: no part of the effect."""
+    return label.startswith((f"({BLOCK} == ", _BEGIN))
 
 
 def _session(scene: TableScene) -> FloatArray:

@@ -280,8 +280,8 @@ def _shares(
 def _not_predicted(rows: int) -> Iterator[str]:
     if rows:
         yield (
-            f"cv_rms is without {rows} {'row' if rows == 1 else 'rows'} after an interruption: no row of another group "
-            "determines what was remembered there of settings before"
+            f"cv_rms is without {rows} {'row' if rows == 1 else 'rows'} at the begin of a session: no row of another "
+            "group determines what was remembered there of settings before"
         )
 
 
