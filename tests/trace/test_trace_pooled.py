@@ -1,6 +1,8 @@
 """Whole plots searched by the engine of all kinds: signs and sizes, one sensor and several."""
 
+import gc
 from dataclasses import dataclass
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -43,6 +45,19 @@ def test_a_coefficient_of_an_impossible_sign_or_size_is_no_finding(sign, most, f
     assert (judge.p_adjusted((0,), 0) <= ALPHA) == found
     assert judge.significant((0,), 0) == found
     assert judge.adjusted((), 0) <= ALPHA  # but for that
+
+
+def test_simulated_tables_go_with_their_judge():
+    """Not when rubbish is collected: a run's are a hundred megabytes."""
+    gc.disable()
+    try:
+        judge = judge_of()
+        judge.family(0).adjust("bend", 3.0)
+        problem = ref(judge.problem)
+        del judge
+        assert problem() is None
+    finally:
+        gc.enable()
 
 
 def named(found):

@@ -215,7 +215,9 @@ class Draws:
         near: (G0,), (G1,) covariances that are fitted without a candidate, and beside one.
         count: number m of draws.
         scatter: as in `family_of`.
-        held: the `HELD` draws that were asked for last: with many rows they take much memory.
+        held: the `HELD` draws that were asked for last, by their token: with many rows they take much memory, and go
+            with the last who has them.
+        token: of these draws.
     """
 
     problem: Problem
@@ -225,7 +227,8 @@ class Draws:
     near: tuple[IntArray, IntArray]
     count: int
     scatter: View | None
-    held: dict[Draws, Drawn]
+    held: dict[object, Drawn]
+    token: object = field(default_factory=object)
 
     def scores(self, part: Part) -> dict[str, tuple[FloatArray, float]]:
         """(m,) best score of each effect of a part in every draw, and the weight of its p."""
@@ -235,11 +238,11 @@ class Draws:
         out: dict[str, tuple[FloatArray, float]] = {}
         if not np.any(judged):
             return out
-        if self not in self.held:
+        if self.token not in self.held:
             if len(self.held) == HELD:
                 del self.held[next(iter(self.held))]
-            self.held[self] = self._drawn()
-        drawn = self.held[self]
+            self.held[self.token] = self._drawn()
+        drawn = self.held[self.token]
         ratio = _ratios(drawn, part.simulated, found.rank, df)
         if self.scatter is not None:
             ratio /= _scatter(self.scatter.only(part.terms).units(), drawn.noise, df)

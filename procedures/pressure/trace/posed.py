@@ -152,9 +152,9 @@ def _stacked(run: Problem, alone: Sequence[TableJudge], noises: Sequence[Compone
 
 def _candidate(run: Problem, j: int, columns: FloatArray) -> Candidate:
     one = run.candidates[j]
-    term = TableTerm((one.term.name,), columns)
-    if one.effect.searched:
-        term = replace(term, profile=Profile(float(j), float(j), float(j), lambda _: term))
+    term = alone = TableTerm((one.term.name,), columns)
+    if one.effect.searched:  # its values are those of the catalogue: none is between two of them
+        term = replace(term, profile=Profile(float(j), float(j), float(j), lambda _: alone))
     return Candidate(one.effect, term, one.sensor, one.effect.sign(one.term.name), one.effect.at_most)
 
 
