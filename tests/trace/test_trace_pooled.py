@@ -93,3 +93,10 @@ def test_transducers_tell_the_line_from_themselves(bench, expected):
     assert named(found) == expected
     # few simulated runs bound p, and that bound is no reason for doubt
     assert not any(e.doubtful for t in found.sensors.values() for e in t.effects)
+
+
+def test_a_line_that_would_have_to_overshoot_is_refused():
+    bench = Bench((Transducer(), Transducer(sensitivity=1.7)), carry_over=-8e-4)
+    found = trace_whole_plots(simulate(bench, seed=2), validate=False, pooled=True)
+    assert "carry-over" not in {c.effect.name for c in found.chosen}
+    assert "carry-over" in {r.effect for t in found.sensors.values() for r in t.refused}

@@ -88,9 +88,12 @@ class WholePlotJudge:
         if not np.any(self.signs):
             return ()
         scores = score(self.problem, chosen)
-        wrong = np.flatnonzero((self.family.adjust(scores.p) <= ALPHA) & self.wrong(scores))
         value, error = scores.gamma, np.abs(scores.gamma) / np.maximum(np.abs(scores.t), np.finfo(float).tiny)
-        return tuple(Impossible(j, float(value[j]), float(error[j])) for j in wrong.tolist())
+        return tuple(Impossible(j, float(value[j]), float(error[j])) for j in self.unsigned(chosen, scores))
+
+    def unsigned(self, chosen: tuple[int, ...], scores: Scores) -> Sequence[int]:
+        """Those of a wrong sign that are significant beside those `chosen`."""
+        return np.flatnonzero((self.family.adjust(scores.p) <= ALPHA) & self.wrong(scores)).tolist()
 
     def lead(self, explanations: Sequence[Rival]) -> Rival:
         """The simplest of the indistinguishable ones; a suspected one leads only if there is no other."""

@@ -20,11 +20,10 @@ from rig.fitter.trace.engine.score import ranked
 from rig.fitter.trace.engine.sensors import OfSensor, RunJudge, Stacked, Together
 from rig.fitter.trace.engine.shared import scale_of
 from rig.fitter.trace.engine.term import Profile, TableTerm
-from rig.fitter.trace.signs import Impossible
 from rig.procedures.pressure.trace.judge import WholePlotJudge
 from rig.procedures.pressure.trace.null import Families, shares
 from rig.procedures.pressure.trace.problem import Problem
-from rig.procedures.pressure.trace.score import score
+from rig.procedures.pressure.trace.score import Scores
 
 NEAR = 6.0
 """Log-likelihood by which a covariance may be behind the best beside the model, or beside one of `TRIED` candidates."""
@@ -49,17 +48,12 @@ class PosedJudge(WholePlotJudge):
         """Whether no simulated run had such a score."""
         return self.engine.is_bound(p)
 
-    def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
-        """Candidates that are significant beside those `chosen`, except for their required sign."""
-        if not np.any(self.signs):
-            return ()
-        scores = score(self.problem, chosen)
+    def unsigned(self, chosen: tuple[int, ...], scores: Scores) -> Sequence[int]:
+        """Those of a wrong sign that are significant beside those `chosen`, the clearest of each effect and sensor."""
         clearest: dict[tuple[str, str | None], int] = {}
         for j in sorted(np.flatnonzero(self.wrong(scores)).tolist(), key=lambda j: -abs(float(scores.t[j]))):
             clearest.setdefault((self.candidates[j].effect.name, self.candidates[j].sensor), j)
-        wrong = [j for j in clearest.values() if self.engine.p_unsigned(chosen, j) <= ALPHA]
-        value, error = scores.gamma, np.abs(scores.gamma) / np.maximum(np.abs(scores.t), np.finfo(float).tiny)
-        return tuple(Impossible(j, float(value[j]), float(error[j])) for j in wrong)
+        return [j for j in clearest.values() if self.engine.p_unsigned(chosen, j) <= ALPHA]
 
     def rows(self, rest: Problem, kept: IntArray, chosen: Iterable[int]) -> PosedJudge:
         """The same for some of the rows."""
