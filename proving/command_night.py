@@ -66,8 +66,8 @@ def night(
     """Simulate nights with faults, crashes and power cuts, and check invariants after each.
 
     Nights are short (2 x 12 points, or 4 whole plots of 3 pressures; of other laboratories about 12 points) unless
-    --full or --brief is given. Every seed is a night of its own, the same on every machine. Any instrument that is
-    installed may be on a bench of your own; faults that its twin declares happen, too. What is checked:
+    --full or --brief is given. Every seed is a night of its own, the same on every machine. A bench of
+    your own may have any installed instrument; the faults that its twin declares happen as well. What is checked:
     proving/notes/nights.md. A campaign with a --ledger that was stopped or killed goes on with the same command.
 
     Examples: `rig night --seeds 1000`, `rig night --seed 42 --lab attitude`, `rig night --bug skip-re-approach`

@@ -17,13 +17,13 @@ class FitOptions(Options):
     temperature: bool | None = Field(None, description=_TEMPERATURE, json_schema_extra={"default": _AS_RUN})
     at_degC: float | None = Field(
         None,
-        description="with temperature: the sensor temperature at which parameters are given, 20 or 23 say",
+        description="with temperature: the sensor temperature at which parameters are given, such as 23",
         json_schema_extra={"default": "the mean of the run"},
     )
     points: str | None = Field(
         None,
-        description="what fewer points would have cost: 'fraction' for a family of fractions of the grid, a number for "
-        "the one with about so many points, 'tumble' for design T",
+        description="what fewer points would have cost: 'fraction' for several fractions of the grid, a number for "
+        "the fraction of about that many points, 'tumble' for design T",
     )
 
 
@@ -31,7 +31,7 @@ class TraceOptions(Options):
     """Options of `rig trace`."""
 
     temperature: bool | None = Field(None, description=_TEMPERATURE, json_schema_extra={"default": _AS_RUN})
-    unnamed: bool = Field(False, description="let smooth terms without a cause take up what no effect explains")
+    unnamed: bool = Field(False, description="also fit smooth terms without a cause to what no effect explains")
 
 
 class BudgetOptions(Options):
@@ -48,8 +48,7 @@ class InferOptions(Options):
     roll_sd: float = Field(0.0, ge=0, description="standard deviation of the measured roll, deg")
     near: tuple[float, float] | None = Field(
         None,
-        description="pitch and roll, deg, on the side where the package is, as in --near 0 180 for one upside down; "
-        "level if not given",
+        description="approximate pitch and roll, deg: --near 0 180 for a package upside down; level if not given",
     )
     sensors: str | None = Field(
         None,

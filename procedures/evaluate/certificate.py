@@ -145,8 +145,8 @@ def _still(found: Mapping[str, Any]) -> list[str]:
         value = f"{test} is {after[test]:.3g}, above its 95 % limit of {after[TESTS[test]]:.3g}"
         if after[p] >= _BY_CHANCE:
             texts.append(
-                f"{value}: chance alone does that in 5 % of sensors; the limit of the search is 5 % for all that it "
-                f"looks for together, and nothing passed it"
+                f"{value}: by chance this happens in 5 % of sensors; the search, with a limit of 5 % for all effects "
+                f"together, found nothing more"
             )
         else:
             what = "lack of fit" if test == "T_bias" else "drift between replications"

@@ -17,13 +17,13 @@ class FitOptions(Options):
     traced: bool = Field(False, description="keep a calibration with the effects that a trace finds")
     response: str | None = Field(None, description="the column to be explained")
     formula: str | None = Field(None, description=_FORMULA)
-    whole_plot: str | None = Field(None, description="column(s, comma between) of whole plots")
+    whole_plot: str | None = Field(None, description="column(s) of whole plots; a,b for two")
     replicate: str | None = Field(None, description="column of replications that hold whole plots")
     model: str | None = Field(
         None,
         description="a standard model in place of a formula, such as callendar-van-dusen (docs/reference/models.md)",
     )
-    abscissa: str | None = Field(None, description="column that --model, or --u-x, is about")
+    abscissa: str | None = Field(None, description="column of the abscissa, for --model or --u-x")
     start: list[str] | None = Field(
         None,
         description="parameter and its start value, a=1.5, for a formula that is not linear in its parameters, such as "
@@ -35,7 +35,7 @@ class FitOptions(Options):
     )
     u_x: str | None = Field(None, description="standard uncertainty of the abscissa: a column, or a value; with --u-y")
     series: str | None = Field(
-        None, description="column of series of rising and falling forces: figures of ISO 376; with --direction"
+        None, description="column of series of rising and falling forces, for the figures of ISO 376; with --direction"
     )
     direction: str | None = Field(None, description="with --series: column that says which rows rise, in words or +-1")
     position: str | None = Field(None, description="with --series: column of the transducer's orientation")
@@ -69,7 +69,7 @@ class TraceOptions(Options):
     group: list[str] | None = Field(
         None, description="column(s) whose levels may have offsets or gains of their own; repeatable, or a,b"
     )
-    whole_plot: str | None = Field(None, description="column(s, comma between) of whole plots, whose error is declared")
+    whole_plot: str | None = Field(None, description="column(s) of whole plots, whose error is declared; a,b for two")
     replicate: str | None = Field(None, description="column of repeats, whose offsets are declared")
     time: str | None = Field(None, description="column of the time, in any unit, or of dates and times as text")
     date: str | None = Field(None, description="column of the date, if --time is a column of times of day")
@@ -78,10 +78,12 @@ class TraceOptions(Options):
     )
     direction: str | None = Field(
         None,
-        description="column of +-1, of words (up, down), or of a velocity; or a setting, for the side it was "
-        "approached from; of two other words: COLUMN=UP,DOWN",
+        description="column of the direction: +-1, words (up, down) or a velocity; for two other words COLUMN=UP,DOWN; "
+        "or the column of a setting, for the side from which it was approached",
     )
-    candidates: list[str] | None = Field(None, description="the only columns beside the formula's; repeatable, or a,b")
+    candidates: list[str] | None = Field(
+        None, description="search these columns only, besides those of the formula; repeatable, or a,b"
+    )
     ignore: list[str] | None = Field(None, description="column(s) not to look at; repeatable, or a,b")
     wrap: float | None = Field(
         None, description="the response is an angle with this period: wrap it to half a period on either side of zero"
@@ -93,8 +95,8 @@ class InferOptions(Options):
 
     quantity: str | None = Field(
         None,
-        description="the variable to infer, if the calibration has several: the table has the values of the others; "
-        "left out: the only one that is no column of the table",
+        description="the variable to infer, if the calibration has several; the table has the values of the others; "
+        "default: the only one that is not a column of the table",
     )
 
     u_reading: float | None = Field(
@@ -103,6 +105,6 @@ class InferOptions(Options):
 
     between: tuple[float, float] | None = Field(
         None,
-        description="LOW HIGH: the range in which the variable is known to be, for a curve that turns; it is inverted "
-        "there, and other readings are flagged",
+        description="LOW HIGH: the range in which the variable is known to be, for a curve that turns; readings "
+        "outside it are flagged",
     )

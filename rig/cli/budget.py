@@ -40,16 +40,16 @@ def budget(
         bool,
         typer.Option(
             "--shapes",
-            help="all coverage factors by the shapes of the distributions; default: where one or two limits of error "
-            "dominate a result, at 95 %, as on a certificate",
+            help="take all coverage factors from the shapes of the distributions; default: only for results that one "
+            "or two limits of error dominate, at 95 %, as on a certificate",
         ),
     ] = False,
     after_days: Annotated[
         float | None,
         typer.Option(
             min=0.0,
-            help="inferred values for a use so many days after the run, with the drift of the sensors that the "
-            "register has from rig chart --as-drift",
+            help="inferred values this many days after the run, with the drift of the sensors from the register (rig "
+            "chart --as-drift)",
             show_default=False,
         ),
     ] = None,

@@ -51,7 +51,9 @@ def certificate(
         str | None,
         typer.Option(help="number of a certificate in the folder that this one replaces", show_default=False),
     ] = None,
-    because: Annotated[str, typer.Option(help="why it is amended, or a second one", show_default=False)] = "",
+    because: Annotated[
+        str, typer.Option(help="why it is amended, or why there is a second one", show_default=False)
+    ] = "",
     confirmed_by: Annotated[
         list[Path] | None, _file("a later run that confirms the effects found; repeatable: all are judged together")
     ] = None,
@@ -116,8 +118,8 @@ def certificate(
     equipment, statements of conformity, and the effects found. It is refused, with all reasons at once and exit code 2,
     if a due date had passed, the run is not verified or not complete, the name of an effect is doubtful and no further
     run has settled it, a field is missing, or an uncertainty is repeatability only. An effect that no further run has
-    confirmed is stated as such. Of a CSV table, [table] of the settings says what a run file would, and the
-    certificate says what is not known without one. A certificate is never overwritten: --amends makes one that
+    confirmed is stated as such. For a CSV table, [table] in the settings says what a run file would say; the
+    certificate says what remains unknown. A certificate is never overwritten: --amends makes one that
     replaces it.
 
     Examples: `rig certificate RUN --out certificates`, `rig certificate FOUND LEFT --adjustment "zero set" --out

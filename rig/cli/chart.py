@@ -19,8 +19,8 @@ def chart(
     calibrations: Annotated[
         list[str],
         typer.Argument(
-            help="run files, calibration files of `rig fit --out`, or CSV tables; if they do not contain their date, "
-            "with it: table.csv@2026-01-15",
+            help="run files, calibration files of `rig fit --out`, or CSV tables; for a file without a date, "
+            "add it: table.csv@2026-01-15",
             show_default=False,
         ),
     ],

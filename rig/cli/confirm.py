@@ -75,7 +75,7 @@ def confirm(
         typer.Option(help="a further run that was made: propose the next one; repeat it for several"),
     ] = None,
     runs: Annotated[
-        int, typer.Option(min=1, max=MOST_RUNS, help="make up to so many runs, the next one while something is open")
+        int, typer.Option(min=1, max=MOST_RUNS, help="make at most this many runs; stop when nothing is open")
     ] = 1,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
     yes: Annotated[bool, typer.Option("--yes", help="the package is already mounted as required: do not wait")] = False,

@@ -61,7 +61,10 @@ def _parameter(name: str, owners: list[tuple[Kind, FieldInfo]]) -> inspect.Param
     flag = f"--{name.replace('_', '-')}"
     flags = f"{flag}/--no-{flag[2:]}" if _tristate(field) else flag
     alone = len(owners) == 1
-    words = [one.description or "" if alone else f"{kind.title}: {one.description}" for kind, one in owners]
+    alike: dict[str, list[str]] = {}  # kinds by what they say of it, so that nothing is said twice
+    for kind, one in owners:
+        alike.setdefault(one.description or "", []).append(kind.title)
+    words = [said if alone else f"{', '.join(titles)}: {said}" for said, titles in alike.items()]
     extra = field.json_schema_extra
     shown: Any = extra.get("default", False) if isinstance(extra, Mapping) else False
     heading = owners[0][0].title if alone else "several kinds"

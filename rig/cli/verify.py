@@ -47,7 +47,7 @@ def verify(
     sealed_by: Annotated[
         list[Path] | None,
         typer.Option(
-            help="public key, PEM, of which the seals must be; exit 1 without such a seal; repeatable",
+            help="public key, PEM, of the expected sealer; exit 1 if it made no seal; repeatable",
             show_default=False,
         ),
     ] = None,

@@ -161,7 +161,7 @@ class RepeatTest:
             if abs(shift) > math.sqrt(variance) and 2.0 * chance_t(size * 2.0 / 3.0, -t) < self._p:
                 return (
                     f"has drifted by {self._say(shift)}: the mean over the last {size} repeated settings against the "
-                    f"first readings there, of which one differs by {self._say(math.sqrt(variance))} (sd) by chance"
+                    f"first readings there; a single difference has sd {self._say(math.sqrt(variance))}"
                 )
         return ""
 

@@ -62,7 +62,7 @@ class Observations(Columned):
         table: the object used by fits and traces.
 
     Example:
-        >>> table = rig.open("line.csv").table
+        >>> table = rig.open("cell.csv").table
         >>> len(table), table["x_mm"].max()
         (60, np.float64(5.0))
     """

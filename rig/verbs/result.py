@@ -43,8 +43,8 @@ class Result(ABC):
     """A result: the output of a command, as an object.
 
     Example:
-        >>> line = rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm")
-        >>> "y_mV" in str(line)
+        >>> line = rig.open("cell.csv").fit(response="y_V", formula="1 + x_mm")
+        >>> "y_V" in str(line)
         True
     """
 
@@ -52,7 +52,7 @@ class Result(ABC):
         """The JSON of the command with `--json`, as dictionaries, lists, text, numbers, None.
 
         Example:
-            >>> line = rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm")
+            >>> line = rig.open("cell.csv").fit(response="y_V", formula="1 + x_mm")
             >>> sorted(line.to_json()["coefficients"])
             ['1', 'x_mm']
         """
@@ -84,7 +84,7 @@ class Result(ABC):
         """Its numbers as a data frame; `attrs["units"]` has the units by column. Raises `UsageError` without pandas.
 
         Example:
-            >>> rig.open("line.csv").table.to_pandas().attrs["units"]["x_mm"]
+            >>> rig.open("cell.csv").table.to_pandas().attrs["units"]["x_mm"]
             'mm'
         """
         return self.frame().to_pandas()
@@ -93,7 +93,7 @@ class Result(ABC):
         """Its numbers as labelled arrays, with `attrs["units"]` each. Raises `UsageError` without xarray.
 
         Example:
-            >>> rig.open("line.csv").table.to_xarray()["x_mm"].attrs
+            >>> rig.open("cell.csv").table.to_xarray()["x_mm"].attrs
             {'units': 'mm'}
         """
         return self.frame().to_xarray()
@@ -131,7 +131,7 @@ class Reported(Result):
         """Write its report as self-contained HTML. Raises `UsageError` if it has none.
 
         Example:
-            >>> rig.open("line.csv").trace(response="y_mV", formula="1 + x_mm").report("trace.html")
+            >>> rig.open("cell.csv").trace(response="y_V", formula="1 + x_mm").report("trace.html")
         """
         from rig.verbs.write_page import write_page  # noqa: PLC0415 - templates are needed for reports alone
 

@@ -148,7 +148,7 @@ def test_a_certificate_says_what_speaks_against_it():
 @pytest.mark.parametrize(
     ("p", "said"),
     [
-        (0.03, "T_bias is 1.16, above its 95 % limit of 1.14: chance alone does that in 5 % of sensors; "),
+        (0.03, "T_bias is 1.16, above its 95 % limit of 1.14: by chance this happens in 5 % of sensors; "),
         (1e-4, "T_bias is 1.16, above its 95 % limit of 1.14, by more than chance (p 0.0001): lack of fit is left "),
     ],
 )

@@ -69,5 +69,5 @@ def test_of_a_simulated_run_no_serial_number_is_confirmed(tmp_path):
         (said,) = (r.event for r in reader.records("identity") if r.event.instrument == "dvm")
     assert said.serial
     assert not said.confirmed
-    assert "a simulator that answers in its place: nothing is confirmed" in said.words
+    assert "simulated, so its identity is not confirmed" in said.words
     assert said.words in run_table(path).provenance["instruments"]["dvm"]

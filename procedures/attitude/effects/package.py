@@ -82,7 +82,7 @@ ISOLATION_PADS = Effect(
     known_aliases={
         "cross-axis": Alias(
             "always, if each sensor has the products of gravity's components that the pads would give it",
-            "lock the pads and repeat a few points: a deflection of the pads disappears, a sensor's own product stays",
+            "lock the pads and repeat a few points: pad deflection disappears, cross-axis response remains",
         ),
         "head-once-per-turn": Alias(
             "without roll, exactly (sin 2a); with roll its cosine phase is two equal deflections of the pads",

@@ -139,7 +139,7 @@ CROSS_AXIS = _OF_SENSOR(
     known_aliases={
         "isolation-pad-deflection": Alias(
             "for a sensor by itself",
-            "lock the pads and repeat a few points: a deflection of the pads disappears, a sensor's own product stays",
+            "lock the pads and repeat a few points: pad deflection disappears, cross-axis response remains",
         )
     },
     needs=("roll",),

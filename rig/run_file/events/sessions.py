@@ -176,7 +176,7 @@ class Identified(Event, kind="identity"):
         """Who it is."""
         serial = self.serial if self.confirmed else "serial number not told"
         if self.simulated:
-            serial = "a simulator that answers in its place: nothing is confirmed"
+            serial = "simulated, so its identity is not confirmed"
         return f"{self.maker} {self.model}, {serial}, asset {self.asset or 'not declared'}"
 
     def sentence(self, record: Columns) -> str:

@@ -96,7 +96,7 @@ class Calibration(Evaluated):
         fitted: as its kind has it.
 
     Example:
-        >>> line = rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm")
+        >>> line = rig.open("cell.csv").fit(response="y_V", formula="1 + x_mm")
         >>> line.to_pandas()["estimate"].round(1).tolist()
         [3.0, 2.0]
     """
@@ -146,7 +146,7 @@ class Calibration(Evaluated):
         """Whether it is inside the tolerance that was asked for, if one was.
 
         Example:
-            >>> rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm", tolerance=0.5).inside
+            >>> rig.open("cell.csv").fit(response="y_V", formula="1 + x_mm", tolerance=0.5).inside
             True
         """
         return bool(self._told.get("acceptance", {}).get("inside", True))
@@ -162,7 +162,7 @@ class Calibration(Evaluated):
             DataError: a number of the fit is too large for a double, or is not a number.
 
         Example:
-            >>> rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm").save("line.json")
+            >>> rig.open("cell.csv").fit(response="y_V", formula="1 + x_mm").save("line.json")
         """
         endless = first_endless(self._told)
         if endless is not None:
@@ -182,8 +182,8 @@ class Calibration(Evaluated):
         """Infer the measured quantities; arguments and errors as for `rig.infer`.
 
         Example:
-            >>> line = rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm")
-            >>> line.infer({"y_mV": [5.0, 7.0]})["x_mm"].round(1).tolist()
+            >>> line = rig.open("cell.csv").fit(response="y_V", formula="1 + x_mm")
+            >>> line.infer({"y_V": [5.0, 7.0]})["x_mm"].round(1).tolist()
             [1.0, 2.0]
         """
         check_readings(readings, out, [Path(self.source)], options)
@@ -201,8 +201,8 @@ class Trace(Evaluated):
         traced: as its kind has it.
 
     Example:
-        >>> rig.open("line.csv").trace(response="y_mV", formula="1 + x_mm")
-        <rig.Trace of line.csv: y_mV: explained>
+        >>> rig.open("cell.csv").trace(response="y_V", formula="1 + x_mm")
+        <rig.Trace of cell.csv: y_V: explained>
     """
 
     def __init__(self, traced: Traced, kind: Kind, source: str, understood: Mapping[str, Any] | None = None) -> None:
@@ -222,8 +222,8 @@ class Trace(Evaluated):
         """By sensor: "explained", "nothing to add", "partly explained" or "unexplained".
 
         Example:
-            >>> rig.open("line.csv").trace(response="y_mV", formula="1 + x_mm").verdicts
-            {'y_mV': 'explained'}
+            >>> rig.open("cell.csv").trace(response="y_V", formula="1 + x_mm").verdicts
+            {'y_V': 'explained'}
         """
         return {name: str(found["verdict"]) for name, found in self._told["sensors"].items()}
 
@@ -247,11 +247,11 @@ class Data:
         path: the file.
 
     Example:
-        >>> data = rig.open("line.csv")
+        >>> data = rig.open("cell.csv")
         >>> len(data.table)
         60
-        >>> data.fit(response="y_mV", formula="1 + x_mm")
-        <rig.Calibration of line.csv: any table>
+        >>> data.fit(response="y_V", formula="1 + x_mm")
+        <rig.Calibration of cell.csv: any table>
     """
 
     def __init__(self, path: str | Path, asked: FileForm = NOTHING) -> None:
@@ -285,8 +285,8 @@ class Data:
 
         Example:
             >>> rig.open("night.sqlite").fit()
-            <rig.Calibration of night.sqlite: attitude sensors>
-            >>> len(rig.open("line.csv").fit(response="y_mV", formula="1 + x_mm", leave_out=[3, 5]).notes()) > 0
+            <rig.Calibration of night.sqlite: ...>
+            >>> len(rig.open("cell.csv").fit(response="y_V", formula="1 + x_mm", leave_out=[3, 5]).notes()) > 0
             True
         """
         rows = [leave_out] if isinstance(leave_out, (str, int)) else list(leave_out)
@@ -303,8 +303,8 @@ class Data:
             UsageError, DataError, RunFileError: as for `fit`.
 
         Example:
-            >>> rig.open("line.csv").trace(response="y_mV", formula="1 + x_mm").verdicts
-            {'y_mV': 'explained'}
+            >>> rig.open("cell.csv").trace(response="y_V", formula="1 + x_mm").verdicts
+            {'y_V': 'explained'}
         """
         return trace_source(self._source, options)
 
