@@ -155,7 +155,9 @@ def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
         where = ", ".join(f"{name} = {value:g}" for name, value in at)
         mean, worst = ((value**0.5) * (sigma or 1.0) for value in (found.mean_variance, float(variance.max())))
         unit = "" if sigma else ", in standard deviations of one observation"
-        further.append(f"{who}: the fitted value has an sd of {mean:.3g} on average{unit}; of {worst:.3g} at {where}")
+        further.append(
+            f"{who}: the fitted value has an sd of {mean:.3g} on average{unit}, and of {worst:.3g} at {where}"
+        )
     further += [f"{', '.join(sensors)}: no precision is predicted: {why}" for why, sensors in unknown.items()]
     told = ", ".join(f"{name} {value:g}" for name, value in expect.sigma.items())
     assumed = f"for a standard deviation of one observation of {told}"

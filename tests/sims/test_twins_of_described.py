@@ -161,7 +161,7 @@ def test_some_points_that_cannot_be_measured_are_said_by_the_plan(files):
     assert done.returncode == 0
     said = " ".join(done.stdout.split())
     assert "1 of 3 rehearsed points could not be measured on simulated instruments: moving took longer" in said
-    assert "chamber, thermo: no question of check tells whether somebody has changed its unit" in said
+    assert "chamber, thermo: no question of `check` shows whether somebody has changed its unit" in said
 
 
 def test_the_doctor_says_what_a_twin_cannot_know(files):
@@ -171,5 +171,5 @@ def test_the_doctor_says_what_a_twin_cannot_know(files):
     assert findings["chamber"]["found"].startswith("WEISS C180, serial number SN")
     assert findings["chamber"]["found"].endswith("; simulated")
     assert findings["twins"]["level"] == "warning"
-    assert "takes the commands, numbers and units of the bench file is not known" in findings["twins"]["found"]
+    assert "accept the commands, numbers and units of the bench file" in findings["twins"]["found"]
     assert "changed its unit, channel or range" in findings["chamber, thermo"]["found"]

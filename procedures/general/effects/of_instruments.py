@@ -116,7 +116,7 @@ RANGE_STEP = TableKind(
     "range-step",
     "range",
     "setting",
-    "a part has an offset that is in the path above a certain {0} only: a range, a divider, an amplifier is switched",
+    "above a certain {0} a further part, with an offset, is in the path: a range, a divider, an amplifier is switched",
     "between-point",
     "{y}",
     "fix the range, and measure one {0} near its end in both ranges that hold it",

@@ -59,15 +59,17 @@ def check_twins(config: BenchConfig, truth: Mapping[str, Any], world: str, known
         yield from ask(dry.config, dry.world, dry.wires, known, None, twins=True)
     finally:
         dry.close()
-    told = "whether an instrument is there, is this one, and takes the commands, numbers and units of the bench file"
-    yield warning("twins", f"simulated instruments have answered; {told} is not known", "ask: rig doctor without --dry")
+    told = "whether the real ones are there, and accept the commands, numbers and units of the bench file"
+    yield warning(
+        "twins", f"simulated instruments have answered, which does not show {told}", "ask: rig doctor without --dry"
+    )
 
 
 def check_guards(config: BenchConfig) -> Iterator[Finding]:
     """Findings about instruments that nothing asks whether they were changed."""
     names = unasked(config)
     if names:
-        words = "no question tells whether somebody has changed its unit, channel or range at the panel"
+        words = "no question shows whether somebody has changed its unit, channel or range at the panel"
         yield warning(", ".join(names), words, "name one in check (docs/how_to/scpi.md)")
     if names := cannot_be_asked(config):
         yield ok(", ".join(names), NO_QUESTION)

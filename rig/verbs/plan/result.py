@@ -209,7 +209,7 @@ class Plan(Result):
         )
         yield Line(f"  {duration(found.preparation_s)} of preparation{soaks};")
         for_soaks = "" if found.soak_s is None else f" and {SOAK_ALLOWANCE:.0%} for setting whole plots"
-        yield Line(f"  the latest allows {ALLOWANCE:.0%} for repeats and retries{for_soaks}")
+        yield Line(f"  the latest time allows {ALLOWANCE:.0%} for repeats and retries{for_soaks}")
         yield from (Line(f"  {escape(line)}") for line in found.assumed)
 
     def _by_hand(self) -> Iterator[Block]:
@@ -265,7 +265,7 @@ class Plan(Result):
             how = "one reading a point has none" if alone else "it is compared with the run's own scatter"
             yield Line(f"  no limit for the scatter of {escape(unlimited)}: {how}")
         if names := unasked(checked.bench):
-            words = "no question of check tells whether somebody has changed its unit, channel or range"
+            words = "no question of `check` shows whether somebody has changed its unit, channel or range"
             yield Line(f"  {escape(', '.join(names))}: {words}")
         if names := cannot_be_asked(checked.bench):
             yield Line(f"  {escape(', '.join(names))}: {NO_QUESTION}")
