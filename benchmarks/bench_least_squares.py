@@ -29,8 +29,8 @@ from nist import PROBLEMS, digits
 
 from proving.truth.attitude import D1, Bench, simulate
 from rig.fitter import Triangle, least_squares
+from rig.fitter.all_digits import refine
 from rig.fitter.formula import Formula
-from rig.fitter.refine import refine
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.fit import fit_attitude
 from rig.procedures.attitude.model import COLUMNS, attitude_columns, attitude_parameters, fit_columns

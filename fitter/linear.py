@@ -2,7 +2,7 @@
 
 Columns are scaled to unit length and [X y] is reduced to a triangle, in blocks of rows if necessary. The normal
 equations, which square the condition number, are never formed. If columns are so nearly dependent that rounding would
-still cost digits, the solution of all rows at once is refined (`rig.fitter.refine`); a solution from blocks is not.
+still cost digits, the solution of all rows at once is refined (`rig.fitter.all_digits`); a solution from blocks is not.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dgeqp3, dorgqr, dtrtri
 
+from rig.fitter.all_digits import refine
 from rig.fitter.arrays import FloatArray
 from rig.fitter.errors import FitError
 from rig.fitter.quantiles import t_limit
-from rig.fitter.refine import refine
 
 FEWEST = 32
 """Minimum number of rows assumed for rounding errors: columns have some of their own."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from rig.fitter.confirm.judge import Confirmation
+from rig.fitter.confirm.judgement import Confirmation
 from rig.fitter.confirm.question import Question
 
 

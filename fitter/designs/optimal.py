@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.designs.best_design import Problem, Starts, improved, moves, random_starts, shaken
 from rig.fitter.designs.evaluate import Evaluation, evaluated
 from rig.fitter.designs.factors import Factor
 from rig.fitter.designs.plots import checked_eta, numbered, sizes, whitened
 from rig.fitter.designs.polish import Polish
 from rig.fitter.designs.region import Allowed, Columns, Region
-from rig.fitter.designs.search import Problem, Starts, improved, moves, random_starts, shaken
 from rig.fitter.errors import FitError
 
 Criterion = Literal["D", "I"]

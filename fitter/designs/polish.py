@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.designs.best_design import GAIN
 from rig.fitter.designs.plots import share
 from rig.fitter.designs.region import Region
-from rig.fitter.designs.search import GAIN
 
 TRIED = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 FIRST = 1.0 / 32.0

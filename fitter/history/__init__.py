@@ -5,12 +5,12 @@ homogeneity(series), trend(series), step(series), limits(series)
 error_bound(list_of_series, rows, years_ahead)   of the last calibration over its age
 """
 
+from rig.fitter.history.between_calibrations import Between
 from rig.fitter.history.chart import Chart, QuantityChart, chart
 from rig.fitter.history.charted import Charted
-from rig.fitter.history.components import Between
+from rig.fitter.history.control_limits import Limits, limits
 from rig.fitter.history.forecast import ErrorBound, error_bound
 from rig.fitter.history.homogeneity import Homogeneity, homogeneity
-from rig.fitter.history.limits import Limits, limits
 from rig.fitter.history.series import Series
 from rig.fitter.history.step import Step, step
 from rig.fitter.history.trend import Trend, trend

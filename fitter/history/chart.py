@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.history.charted import Charted
+from rig.fitter.history.control_limits import Limits, limits
 from rig.fitter.history.forecast import ErrorBound, error_bound
 from rig.fitter.history.homogeneity import Homogeneity, homogeneity
-from rig.fitter.history.limits import Limits, limits
 from rig.fitter.history.series import Series
 from rig.fitter.history.step import Step, step
 from rig.fitter.history.trend import Trend, trend

@@ -2,7 +2,7 @@
 
 Given the variances, the value of one parameter at a later time has a normal distribution: the best linear unbiased
 prediction from a straight line and the variation between calibrations (universal kriging), minus the value of the last
-calibration. The variances are drawn from their uncertainty (`rig.fitter.history.draws`).
+calibration. The variances are drawn from their uncertainty (`rig.fitter.history.likely_variances`).
 
 The errors of all parameters give the error of the output, and its largest value over the range of use. Parameters may
 move independently, or together by one cause. Independent draws give the first bound. For the second, the output itself
@@ -21,9 +21,9 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.history.between_calibrations import Between
 from rig.fitter.history.charted import Charted
-from rig.fitter.history.components import Between
-from rig.fitter.history.draws import NODES, draw
+from rig.fitter.history.likely_variances import NODES, draw
 from rig.fitter.history.series import Series
 
 FEWEST = 3

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rig.fitter.history.components import Between, Profile
+from rig.fitter.history.between_calibrations import Between, Profile
 from rig.fitter.history.series import Series
 from rig.fitter.quantiles import f_limit, f_tail
 

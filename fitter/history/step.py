@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.history.components import Between, Profile
+from rig.fitter.history.between_calibrations import Between, Profile
 from rig.fitter.history.series import Series
 
 FEWEST = 4

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from rig.fitter.history.components import Between, fit
-from rig.fitter.history.draws import draw
+from rig.fitter.history.between_calibrations import Between, fit
+from rig.fitter.history.likely_variances import draw
 from rig.fitter.history.series import Series
 from rig.fitter.quantiles import t_limit, t_tail
 

@@ -9,9 +9,9 @@ If many responses share one design, decompose it once: `SplitPlotDesign(...).fit
 from rig.fitter.split_plot.batch import SplitPlotBatch
 from rig.fitter.split_plot.design import SplitPlotDesign, fit_split_plot, plan_precision
 from rig.fitter.split_plot.fit import SplitPlotFit
+from rig.fitter.split_plot.grouping import Variances
 from rig.fitter.split_plot.kenward_roger import KenwardRoger, ScaledF
 from rig.fitter.split_plot.plan import Precision
-from rig.fitter.split_plot.structure import Variances
 
 __all__ = [
     "KenwardRoger",

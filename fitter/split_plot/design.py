@@ -13,11 +13,11 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.errors import FitError
 from rig.fitter.split_plot.batch import SplitPlotBatch
 from rig.fitter.split_plot.fit import SplitPlotFit
+from rig.fitter.split_plot.grouping import Nesting, Variances
 from rig.fitter.split_plot.nested import NestedProfile
 from rig.fitter.split_plot.plan import Precision, forecast
 from rig.fitter.split_plot.profile import Profile
 from rig.fitter.split_plot.spectrum import FixedPart, Spectrum
-from rig.fitter.split_plot.structure import Nesting, Variances
 
 EPS = float(np.finfo(float).eps)
 

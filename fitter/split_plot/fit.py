@@ -10,9 +10,9 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.quantiles import t_limit
+from rig.fitter.split_plot.grouping import Nesting, Structure, Variances
 from rig.fitter.split_plot.kenward_roger import KenwardRoger, ScaledF, selection
 from rig.fitter.split_plot.precision import Moments, inverse_of
-from rig.fitter.split_plot.structure import Nesting, Structure, Variances
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
+from rig.fitter.split_plot.grouping import Nesting, Variances
 from rig.fitter.split_plot.precision import Moments
-from rig.fitter.split_plot.structure import Nesting, Variances
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.split_plot.structure import Structure
+from rig.fitter.split_plot.grouping import Structure
 
 
 @dataclass(frozen=True, eq=False)

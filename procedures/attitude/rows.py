@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rig.fitter import RankError
-from rig.fitter.effects.noise import OUTLIERS
+from rig.fitter.effects.noise_names import OUTLIERS
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.outcome import Figure, Parameter, WithError
 from rig.procedures.attitude.fit import AttitudeFit, parameter_table, temperature_table

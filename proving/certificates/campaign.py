@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from proving.certificates.documents import ALPHABETS, IN_FONTS, Random
-from rig.dcc.reader import parsed
-from rig.dcc.schema import schema_errors
+from rig.dcc.ptb_schema import schema_errors
+from rig.dcc.read_dcc import parsed
 from rig.errors import UsageError
 from rig.extras import needed
 from rig.units.si import si_unit

@@ -19,7 +19,7 @@ from rig.procedures.column_names import split_unit, unit_of
 from rig.units.differences import NOT_CELSIUS
 
 if TYPE_CHECKING:
-    from rig.dcc.reader import Quantity, Read
+    from rig.dcc.read_dcc import Quantity, Read
     from rig.dcc.signature import Signed
 
 
@@ -209,15 +209,15 @@ def _date(text: str) -> date:
 
 def _read(path: Path, schema: Path | None, authority: Path | None, *, as_json: bool) -> int:
     """Show a digital calibration certificate. Exit code 1 if a signature or the schema does not hold."""
-    from rig.dcc.reader import as_json as json_of  # noqa: PLC0415
-    from rig.dcc.reader import bytes_of, parsed  # noqa: PLC0415
+    from rig.dcc.read_dcc import as_json as json_of  # noqa: PLC0415
+    from rig.dcc.read_dcc import bytes_of, parsed  # noqa: PLC0415
 
     data = bytes_of(path)
     found = parsed(data, str(path))
     signed = _signatures(path, found, authority)
     errors: list[str] = []
     if schema is not None:
-        from rig.dcc.schema import schema_errors  # noqa: PLC0415
+        from rig.dcc.ptb_schema import schema_errors  # noqa: PLC0415
 
         errors = schema_errors(data, schema)
     if as_json:
@@ -231,9 +231,9 @@ def _print_equipment(
     path: Path, asset: str, quantity: str, values: tuple[str | None, str | None], at: str, authority: Path | None
 ) -> int:
     """Print an entry for equipment.toml from a digital calibration certificate."""
-    from rig.dcc.reader import read_dcc  # noqa: PLC0415
+    from rig.dcc.read_dcc import read_dcc  # noqa: PLC0415
     from rig.register.from_dcc import Wanted, choose, equipment_text  # noqa: PLC0415
-    from rig.verbs.certificate.seal import hash_of  # noqa: PLC0415
+    from rig.verbs.certificate.seals import hash_of  # noqa: PLC0415
 
     means = choose(values)
     if not quantity:
@@ -250,7 +250,7 @@ def _print_equipment(
 
 def _print_table(path: Path, columns: Sequence[str], authority: Path | None) -> int:
     """Print values of a digital calibration certificate as CSV."""
-    from rig.dcc.reader import read_dcc  # noqa: PLC0415
+    from rig.dcc.read_dcc import read_dcc  # noqa: PLC0415
     from rig.register.from_dcc import Column, table_text  # noqa: PLC0415
 
     wanted = []
@@ -286,7 +286,7 @@ def _signatures(path: Path, found: Read, authority: Path | None) -> tuple[Signed
     """Signatures of a digital certificate, verified; () if it has none."""
     if not found.signatures:
         return ()
-    from rig.dcc.reader import bytes_of  # noqa: PLC0415
+    from rig.dcc.read_dcc import bytes_of  # noqa: PLC0415
     from rig.dcc.signature import signatures  # noqa: PLC0415
     from rig.drivers.clock import RealClock  # noqa: PLC0415
 

@@ -21,7 +21,7 @@ from rig.cli.show import err, headline, print_json
 from rig.engine.session import Outcome
 from rig.errors import ExitCode, UsageError
 from rig.files.atomic import check_files, check_format, write_whole
-from rig.options import chosen as chosen_kind
+from rig.options_of_kinds import chosen as chosen_kind
 from rig.procedures.evaluate.results import Options
 from rig.procedures.kind import Kind
 from rig.procedures.present.shell import shell_word
@@ -93,7 +93,7 @@ def confirm(
     """
     from rig.verbs.confirm.answers import following, judge  # noqa: PLC0415
     from rig.verbs.confirm.first import check_way  # noqa: PLC0415
-    from rig.verbs.confirm.plans import plan_for  # noqa: PLC0415
+    from rig.verbs.confirm.further_plan import plan_for  # noqa: PLC0415
 
     made = list(by or after or ())
     check_files(
@@ -194,7 +194,7 @@ def _check_options(
 
 def _write_procedure(write: Path, run_file: Path, run: Variation) -> None:
     """The procedure file of a further run, with what a person has to do as comments."""
-    from rig.verbs.confirm.plans import procedure_text  # noqa: PLC0415
+    from rig.verbs.confirm.further_plan import procedure_text  # noqa: PLC0415
 
     lines = f"# {run.what}: to confirm the effects found in {run_file.name}\n"
     lines += "# Turn the package first.\n" if run.turned else ""

@@ -20,7 +20,7 @@ from rig.run_file.chain import Record, encode
 from rig.run_file.events.event import EMPTY
 from rig.run_file.live import controller_alive
 from rig.run_file.read.reader import RunReader
-from rig.run_file.state.corrections import correction
+from rig.run_file.state.corrected import correction
 from rig.run_file.state.state import read_state
 from rig.run_file.write.writer import RunWriter
 from rig.runs.plans import stored_plan

@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar
 import typer
 from pydantic.fields import FieldInfo
 
-from rig.options import Choose
+from rig.options_of_kinds import Choose
 from rig.procedures.kind import Kind
 from rig.procedures.kinds import kinds
 

@@ -47,8 +47,8 @@ def seal(
     from rig.files.atomic import check_files, write_whole_bytes  # noqa: PLC0415
     from rig.run_file.read.reader import RunReader  # noqa: PLC0415
     from rig.run_file.verify.verification import verify_file  # noqa: PLC0415
-    from rig.verbs.certificate.seal import Sealed, beside, hash_of, stamp, statement_to_stamp  # noqa: PLC0415
-    from rig.verbs.certificate.seal import seal as sealed_by  # noqa: PLC0415
+    from rig.verbs.certificate.seals import Sealed, beside, hash_of, stamp, statement_to_stamp  # noqa: PLC0415
+    from rig.verbs.certificate.seals import seal as sealed_by  # noqa: PLC0415
     from rig.who import operator  # noqa: PLC0415
 
     if sum(one is not None for one in (key, statement, time_stamp)) != 1:

@@ -24,7 +24,7 @@ from rig.run_file.read.reader import RunReader
 from rig.run_file.state.elsewhere import goes_on_in
 from rig.run_file.state.state import RunState
 from rig.unattended import RunFacts
-from rig.unattended.service import WATCHDOG_S, ServiceUnit, patience_s
+from rig.unattended.systemd_unit import WATCHDOG_S, ServiceUnit, patience_s
 
 
 @app.command()

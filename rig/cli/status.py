@@ -20,7 +20,7 @@ from rig.procedures.present.shell import shell_word
 from rig.procedures.present.terminal import show
 from rig.run_file.events.sessions import RunCreated
 from rig.run_file.live import controller_alive, read_live
-from rig.run_file.read.opening import sensible
+from rig.run_file.read.safe_opening import sensible
 from rig.run_file.state.state import RunState
 from rig.run_file.verify.verification import CUT_SHORT, glance
 from rig.verbs.run.status import status_of

@@ -18,7 +18,7 @@ from rig.run_file.state.state import RunState
 from rig.unattended import Listeners, Log, RunFacts, ServiceManager
 from rig.unattended.earlier import ended_without_a_word
 from rig.unattended.logs import LogFormat, default_log, file_writer, logged_by_journal, stderr_writer
-from rig.unattended.places import find_settings
+from rig.unattended.place_of_notify import find_settings
 
 LogOption = Annotated[
     Path | None,
@@ -156,7 +156,7 @@ def _add_notifier(listeners: Listeners, asked: Listening, warn: Callable[[str], 
         return
     from rig.unattended.notify.channels import senders  # noqa: PLC0415 - mail and web take a while
     from rig.unattended.notify.notifier import Notifier  # noqa: PLC0415 - mail and web take a while
-    from rig.unattended.notify.settings import read_settings  # noqa: PLC0415 - mail and web take a while
+    from rig.unattended.notify.notify_file import read_settings  # noqa: PLC0415 - mail and web take a while
 
     try:
         settings = read_settings(path)

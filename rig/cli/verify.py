@@ -23,7 +23,7 @@ from rig.run_file.state.state import RunState, read_state
 from rig.run_file.verify.verification import Verification, restored, verify_file
 
 if TYPE_CHECKING:
-    from rig.verbs.certificate.seal import Checked
+    from rig.verbs.certificate.seals import Checked
 
 
 @app.command()
@@ -85,7 +85,7 @@ def verify(
 
 def _seals(run_file: Path, authority: Path | None, keys: list[Path]) -> tuple[Checked, ...]:
     """The seals beside a run file, checked."""
-    from rig.verbs.certificate.seal import checked, stored  # noqa: PLC0415 - few files have any
+    from rig.verbs.certificate.seals import checked, stored  # noqa: PLC0415 - few files have any
 
     if not stored(run_file):
         return ()

@@ -27,7 +27,6 @@ from rig.engine.fault_classes import FAULTS, InterlockHold, TemperatureLeft
 from rig.engine.guard import Guard
 from rig.engine.hard_factors import held_factors
 from rig.engine.holes import HoleInTime, watched
-from rig.engine.identities import compare_identities
 from rig.engine.interruptions import HoldRequested, Interrupted, Interruptions, StopRequested
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.pace import Pace
@@ -35,6 +34,7 @@ from rig.engine.parking import Parking
 from rig.engine.prepared_environment import PreparedEnvironment
 from rig.engine.queue import PointQueue
 from rig.engine.safe_state import make_safe
+from rig.engine.same_instruments import compare_identities
 from rig.engine.session import Outcome, Progress, Session, Signals
 from rig.engine.soaking import Soaking
 from rig.engine.states import AT_POINT, FINAL, Moves, State

@@ -4,9 +4,9 @@
 """
 
 from rig.register.check import absent, check_register, check_validity, entries, unrecorded
+from rig.register.equipment_file import Certificate, Equipment, Item, Laboratory, Register, SensorItem, Statement
 from rig.register.needed import item_of, needed, stopping
 from rig.register.read import DOCUMENT, parse_register, read_register, register_beside, register_of
-from rig.register.schema import Certificate, Equipment, Item, Laboratory, Register, SensorItem, Statement
 from rig.register.stated import check_covered, stated_of
 from rig.register.surroundings import KnownConditions, check_surroundings, holds_of
 

@@ -8,7 +8,7 @@ from datetime import date
 from rig.bench.config import PLACES, BenchConfig, InstrumentConfig, ReferenceConfig, TemperatureConfig
 from rig.errors import ConfigurationError
 from rig.procedures.column_names import unit_of
-from rig.register.schema import Register
+from rig.register.equipment_file import Register
 from rig.units.of_instruments import TEMPERATURE_UNIT
 
 Entry = InstrumentConfig | ReferenceConfig | TemperatureConfig

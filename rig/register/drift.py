@@ -8,7 +8,7 @@ import numpy as np
 from scipy import special
 
 from rig.errors import ConfigurationError, UsageError
-from rig.register.schema import Drift, Register
+from rig.register.equipment_file import Drift, Register
 from rig.units.differences import factor
 
 _K = float(special.ndtri(0.975))

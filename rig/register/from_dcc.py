@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
-from rig.dcc.reader import Number, Quantity, Read
+from rig.dcc.read_dcc import Number, Quantity, Read
 from rig.errors import UsageError
 from rig.files.toml_text import toml_text
 from rig.procedures.column_names import stem_of, unit_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 
 from rig.bench.config import SensorConfig
-from rig.register.schema import Register, SensorItem
+from rig.register.equipment_file import Register, SensorItem
 
 _OF_LABORATORY = {"name": "the name of the laboratory", "address": "its address"}
 _OF_ITEM = {

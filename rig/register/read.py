@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rig.bench.config import BenchConfig, parse_toml, read_text, validated
 from rig.errors import UsageError
-from rig.register.schema import Register
+from rig.register.equipment_file import Register
 
 DOCUMENT = "equipment.toml"
 """Name of the register among the documents of a run file, and of the file beside a bench file."""

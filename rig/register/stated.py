@@ -22,7 +22,7 @@ from rig.procedures.tables.table import Columns
 from rig.register.check import entries
 from rig.register.computed import computed_from
 from rig.register.drift import drifted
-from rig.register.schema import PLACE_UNITS, Equipment, Polynomial, Register, Statement, Uncertain
+from rig.register.equipment_file import PLACE_UNITS, Equipment, Polynomial, Register, Statement, Uncertain
 from rig.units.differences import factor, relative
 from rig.units.of_instruments import HEAD, TEMPERATURE_UNIT, VOLT, scale
 

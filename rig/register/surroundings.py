@@ -18,7 +18,7 @@ from rig.procedures.column_names import spelled, stem_of, unit_of
 from rig.procedures.plan.hand_steps import Made
 from rig.procedures.tables.table import Columns
 from rig.register.check import entries
-from rig.register.schema import PERCENT, Register
+from rig.register.equipment_file import PERCENT, Register
 from rig.units.differences import factor
 from rig.units.of_instruments import TEMPERATURE_UNIT
 

@@ -19,11 +19,10 @@ from rig.files.regular import open_regular
 from rig.fitter.arrays import FloatArray
 from rig.procedures.kinds import kinds
 from rig.procedures.tables.table import Table
+from rig.tables.behind_rows import without_evidence
 from rig.tables.cells_written import cells_of
-from rig.tables.evidence import without_evidence
 from rig.tables.of_others.file_form import NOTHING, FileForm
 from rig.tables.of_others.footers import footers
-from rig.tables.of_others.layout import NoTable
 from rig.tables.of_others.numbers import (
     OVERLOAD,
     Notation,
@@ -36,6 +35,7 @@ from rig.tables.of_others.numbers import (
     maybe_gap,
 )
 from rig.tables.of_others.table import TableOfOthers
+from rig.tables.of_others.where_the_table_is import NoTable
 
 _MOST_COLUMNS = 2000
 _BLANK = frozenset(("\n", "\r\n", "\r"))

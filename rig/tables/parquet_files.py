@@ -12,7 +12,7 @@ from rig.extras import needed
 from rig.files.atomic import write_whole_bytes
 from rig.procedures.tables.table import Table
 from rig.procedures.tables.unused import known_unit_of
-from rig.tables.evidence import COUNT, FLAG, meaning_of
+from rig.tables.behind_rows import COUNT, FLAG, meaning_of
 
 _BLOCK = 65536
 """Rows of a row group: what readers load at a time, and what is converted at a time."""

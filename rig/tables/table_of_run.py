@@ -31,10 +31,10 @@ from rig.run_file.events.corrections import Corrected
 from rig.run_file.events.points import DOUBTED, Observed, Skipped, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, SessionBegan
 from rig.run_file.read.reader import RunReader
-from rig.run_file.state.corrections import Corrections
+from rig.run_file.state.corrected import Corrections
 from rig.run_file.state.documents import Stored, declared_model, kind_of_run, mounting_of
 from rig.run_file.state.state import read_state
-from rig.tables.evidence import evidence_of, fill_flags, within_points
+from rig.tables.behind_rows import evidence_of, fill_flags, within_points
 from rig.tables.own_times import keep_those_that_differ, own_times, typed_in
 from rig.tables.set_in import put_in_place, setters_of
 
@@ -49,7 +49,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         path: the run file.
         everything: include rejected and doubtful observations (missing values are NaN), with a column `accepted`.
         salvage: use readable parts of a file that fails verification.
-        evidence: add columns with the scatter and number of readings, and flags (`rig.tables.evidence`).
+        evidence: add columns with the scatter and number of readings, and flags (`rig.tables.behind_rows`).
 
     Raises:
         RunFileError: the file was damaged or edited (unless salvaged), or holds no observations.

@@ -18,7 +18,7 @@ from command import rig
 from dry import SHORT, dry
 from general_lab import BENCH, CHAMBER, PROCEDURE, WORLD, run_dry
 
-from rig.dcc.reader import read_dcc
+from rig.dcc.read_dcc import read_dcc
 from rig.engine.session import Outcome
 from rig.errors import ConfigurationError, UsageError
 from rig.fitter.rounding import rounded

@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
 
-from rig.dcc.reader import parsed
+from rig.dcc.read_dcc import parsed
 from rig.errors import ConfigurationError
 from rig.register import parse_register
 from rig.verbs.certificate import standing_sentences as words

@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from sample_certificate import amended, document
 
-from rig.dcc.reader import parsed, read_dcc
+from rig.dcc.read_dcc import parsed, read_dcc
 from rig.errors import UsageError
 from rig.units.si import plain_unit, si_unit
 from rig.verbs.certificate.as_dcc import dcc
@@ -116,7 +116,7 @@ def test_texts_with_control_characters_stay_xml():
 @pytest.mark.skipif("DCC_SCHEMA" not in os.environ, reason="DCC_SCHEMA names PTB's schema 3.2.0, which is not shipped")
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_schema_holds(kind):
-    from rig.dcc.schema import schema_errors  # noqa: PLC0415
+    from rig.dcc.ptb_schema import schema_errors  # noqa: PLC0415
 
     assert schema_errors(dcc(KINDS[kind]), Path(os.environ["DCC_SCHEMA"])) == []
 

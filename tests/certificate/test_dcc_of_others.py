@@ -12,7 +12,7 @@ from test_dcc import LIST, keys, others  # noqa: F401 - a fixture
 
 from rig.cli import app  # noqa: F401 - commands are registered
 from rig.cli.certificate import _padded
-from rig.dcc.reader import parsed
+from rig.dcc.read_dcc import parsed
 from rig.errors import UsageError
 from rig.register import parse_register
 from rig.register.from_dcc import Wanted, equipment_text

@@ -11,7 +11,7 @@ import pytest
 from rig.bench.config import parse_bench
 from rig.errors import ConfigurationError, UsageError
 from rig.register import DOCUMENT, check_register, check_validity, parse_register, register_of
-from rig.register.schema import Certificate, Constant, Equipment, Laboratory, Register, SensorItem, Statement
+from rig.register.equipment_file import Certificate, Constant, Equipment, Laboratory, Register, SensorItem, Statement
 from rig.runs.plans import load_plan
 from rig.units.differences import factor
 

@@ -33,7 +33,7 @@ from rig.sims.physics import WorldError
 from rig.simulated.dry_run import twin_class
 from rig.tables import read_any_csv, read_gappy_csv, read_table
 from rig.unattended.happenings import one_line
-from rig.unattended.service import ServiceUnit
+from rig.unattended.systemd_unit import ServiceUnit
 from rig.verbs.infer import read_calibration
 from rig.watch import Shelf
 from rig.watch.words import number

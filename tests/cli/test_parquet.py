@@ -16,7 +16,7 @@ from command import rig
 from proving.crashes.damages import small_finished
 from rig.errors import UsageError
 from rig.procedures.tables.table import Table
-from rig.tables.evidence import COUNT, FLAG, meaning_of
+from rig.tables.behind_rows import COUNT, FLAG, meaning_of
 from rig.tables.parquet_files import write_parquet
 from rig.tables.table_of_run import run_table
 

@@ -13,7 +13,7 @@ from rig.procedures.general.planning import check_declared
 from rig.procedures.general.settings import GeneralProcedure
 from rig.procedures.plan.further_runs import Variation
 from rig.verbs.confirm import first as confirm_first
-from rig.verbs.confirm.plans import procedure_text
+from rig.verbs.confirm.further_plan import procedure_text
 
 FLOW = """kind = "general"
 name = "meters"

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rig.fitter.confirm.judge import CHANGED
+from rig.fitter.confirm.judgement import CHANGED
 from rig.fitter.confirm.structure import structured
 from rig.fitter.trace.flexible import waves
 from rig.procedures.general.effects.scene import at_levels

@@ -21,7 +21,7 @@ from rig.instruments.locks import wire_of
 from rig.instruments.opening import open_bench
 from rig.simulated.dry_run import DryBench
 from rig.unattended.doctor.addresses import check_addresses
-from rig.unattended.service import ServiceUnit
+from rig.unattended.systemd_unit import ServiceUnit
 
 METERS = Path(__file__).parents[1] / "visa" / "meters.yaml"
 BENCH = """

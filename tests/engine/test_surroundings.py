@@ -15,7 +15,7 @@ from command import rig
 from general_lab import BENCH, CHAMBER, PROCEDURE, WORLD, written
 
 from rig.bench.config import parse_bench
-from rig.dcc.reader import parsed
+from rig.dcc.read_dcc import parsed
 from rig.errors import ConfigurationError, ExitCode
 from rig.register import KnownConditions, check_register, check_surroundings, holds_of, parse_register
 from rig.runs.plans import load_plan

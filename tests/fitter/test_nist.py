@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from nist import PROBLEMS, digits
 
 from rig.fitter import Triangle, least_squares
+from rig.fitter.all_digits import refine
 from rig.fitter.arithmetic_text import parse_expression
 from rig.fitter.double_double import DoubleDouble
 from rig.fitter.formula import Formula
 from rig.fitter.linear import CONDITION
-from rig.fitter.refine import refine
 from rig.procedures.general.fit import fit_general
 from rig.tables import FileSource
 

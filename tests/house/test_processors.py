@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig.fitter.confirm.judge import _gained
+from rig.fitter.confirm.judgement import _gained
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -12,8 +12,8 @@ from scipy import special, stats
 from proving.truth.attitude import D1, Bench, Plan, Sensor, simulate
 from proving.truth.chart import BENCH, PLAN, START, UNIT, bench_of, draw_history, largest_error_deg
 from rig.fitter.history import Between, ErrorBound, Series, error_bound, homogeneity, limits, step, trend
+from rig.fitter.history.between_calibrations import Profile
 from rig.fitter.history.chart import holm
-from rig.fitter.history.components import Profile
 from rig.fitter.history.forecast import Prediction, predict
 from rig.procedures.attitude.fit import fit_all
 from rig.procedures.attitude.history import attitude_charted, calibrated, calibrated_from

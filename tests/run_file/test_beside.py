@@ -14,10 +14,10 @@ from rig.errors import RunFileError
 from rig.procedures.plan.run_list import Point, RunList
 from rig.run_file import wal
 from rig.run_file.chain import Record, encode
-from rig.run_file.read import opening
+from rig.run_file.read import safe_opening as opening
 from rig.run_file.read.beside import ForeignFileError
-from rig.run_file.read.opening import opened_without_log
 from rig.run_file.read.reader import RunReader
+from rig.run_file.read.safe_opening import opened_without_log
 from rig.run_file.write.creation import Genesis, create
 from rig.run_file.write.writer import RunWriter
 

@@ -25,8 +25,8 @@ from rig.procedures.general.fit import fit_general
 from rig.procedures.general.rows import LinearRows
 from rig.tables import FileForm, FileSource, read_any_csv, read_gappy_csv, read_table
 from rig.tables.of_others import footers
-from rig.tables.of_others.layout import is_value
-from rig.tables.of_others.lines import Line
+from rig.tables.of_others.cells_of_lines import Line
+from rig.tables.of_others.where_the_table_is import is_value
 from rig.verbs.data.unknown_table import look_at
 
 X = np.array([0.0, 1.0, 2.0, 5.0, 10.0, 5.0, 2.0, 1.0])

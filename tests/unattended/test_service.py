@@ -24,7 +24,7 @@ from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import ExitCode
 from rig.run_file.live import replace_json, request_path
 from rig.unattended import Kind, Listeners, ServiceManager
-from rig.unattended.service import FINAL, ServiceUnit, patience_s
+from rig.unattended.systemd_unit import FINAL, ServiceUnit, patience_s
 
 
 class Manager:

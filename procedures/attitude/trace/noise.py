@@ -12,7 +12,7 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
+from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
 from rig.fitter.trace.chance import ALPHA, COUNTED
 from rig.fitter.trace.found import Found
 from rig.procedures.attitude.data import AttitudeData

@@ -8,7 +8,7 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUANTISATION
+from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUANTISATION
 from rig.fitter.resolution import least_sd, resolution
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.coarse import lattice

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.effects.noise import AUTOCORRELATION
+from rig.fitter.effects.noise_names import AUTOCORRELATION
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import DELTA
 from rig.fitter.trace.doubts import MANY, beside_a_wander, beyond_chance, by_chance, several_causes

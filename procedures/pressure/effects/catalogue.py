@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from rig.fitter.effects.entry import Entry
-from rig.fitter.effects.noise import NOISE_GROWS
+from rig.fitter.effects.noise_names import NOISE_GROWS
 from rig.fitter.effects.sizes import each
 from rig.procedures.present.catalogue_table import catalogue_table
 from rig.procedures.pressure.data import WholePlotData

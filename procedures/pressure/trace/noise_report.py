@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rig.fitter.arrays import IntArray
-from rig.fitter.effects.noise import AUTOCORRELATION, COMMON_ERROR, OUTLIERS
+from rig.fitter.effects.noise_names import AUTOCORRELATION, COMMON_ERROR, OUTLIERS
 from rig.fitter.quantiles import t_limit
 from rig.fitter.trace.chance import ALPHA, COUNTED
 from rig.procedures.pressure.data import WholePlotData

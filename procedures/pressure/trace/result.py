@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.effects.noise import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
+from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
 from rig.fitter.formula import Formula
 from rig.fitter.json_values import JsonValue
 from rig.fitter.split_plot import SplitPlotFit

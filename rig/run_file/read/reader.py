@@ -24,7 +24,7 @@ from rig.run_file.damage.audit import findings
 from rig.run_file.events.points import ACCEPTED, Observed
 from rig.run_file.events.sessions import RunCreated
 from rig.run_file.read.beside import Alone, ForeignFileError, check_journal, check_log, foreign_log, has_log
-from rig.run_file.read.opening import (
+from rig.run_file.read.safe_opening import (
     by_itself,
     check_header,
     check_name,

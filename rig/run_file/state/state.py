@@ -17,8 +17,8 @@ from rig.run_file.events.corrections import Corrected
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import ACCEPTED, Observed, Skipped, TemperaturesLeft, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import Ended, Identified, Interruption, Rescued, RunCreated, SessionBegan, Stopped
-from rig.run_file.read.opening import makes_no_sense
 from rig.run_file.read.reader import RunReader
+from rig.run_file.read.safe_opening import makes_no_sense
 from rig.run_file.state.indexes import IndexCounts, IndexSet
 
 _FAULTS_KEPT = 20

@@ -15,8 +15,8 @@ from rig.run_file.damage.audit import Finding, findings
 from rig.run_file.last_word import read_last_word
 from rig.run_file.live import controller_alive
 from rig.run_file.read.beside import ForeignFileError, check_journal
-from rig.run_file.read.opening import check_header
 from rig.run_file.read.reader import RunReader
+from rig.run_file.read.safe_opening import check_header
 from rig.run_file.saved import saved_in
 from rig.run_file.state.elsewhere import goes_on_in
 from rig.run_file.state.state import RunState, read_state

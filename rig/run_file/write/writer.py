@@ -25,8 +25,16 @@ from rig.run_file.damage.audit import findings
 from rig.run_file.events.sessions import Ended
 from rig.run_file.last_word import LastWord, read_last_word
 from rig.run_file.read.beside import Alone, check_journal, foreign_log
-from rig.run_file.read.opening import by_itself, check_header, check_name, checked, locked, opened_to_read, unreadable
 from rig.run_file.read.reader import RunReader
+from rig.run_file.read.safe_opening import (
+    by_itself,
+    check_header,
+    check_name,
+    checked,
+    locked,
+    opened_to_read,
+    unreadable,
+)
 from rig.run_file.schema import INSERT_RECORD, guard
 from rig.run_file.storage import storage_of
 from rig.run_file.write.change_watch import MOVED, ChangeWatch, Mirror

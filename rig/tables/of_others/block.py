@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rig.tables.of_others.cells_of_lines import Line
 from rig.tables.of_others.file_form import FileForm
-from rig.tables.of_others.lines import Line
 from rig.tables.of_others.numbers import is_value, looks_like_number
 
 MOST_COLUMNS = 2000

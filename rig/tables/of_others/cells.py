@@ -15,11 +15,10 @@ import numpy as np
 
 from rig.errors import UsageError
 from rig.procedures.tables.dates import Stamp, form_of, stamp_of
+from rig.tables.of_others.cells_of_lines import lines_of, quoted_whole
 from rig.tables.of_others.encoding import text_of
 from rig.tables.of_others.file_form import FileForm
 from rig.tables.of_others.footers import footers, labelled_rows
-from rig.tables.of_others.layout import NO_SEPARATOR, Layout, NoTable, is_time, layout_of
-from rig.tables.of_others.lines import lines_of, quoted_whole
 from rig.tables.of_others.numbers import (
     Notation,
     gaps_of,
@@ -31,6 +30,7 @@ from rig.tables.of_others.numbers import (
     notation_of,
     without_units,
 )
+from rig.tables.of_others.where_the_table_is import NO_SEPARATOR, Layout, NoTable, is_time, layout_of
 
 _FIRST = 50
 """Cells of a column by which its dates are recognised."""

@@ -16,8 +16,8 @@ import numpy as np
 
 from rig.errors import UsageError
 from rig.fitter.arrays import FloatArray
-from rig.tables.of_others.layout import is_value
 from rig.tables.of_others.numbers import Notation, is_missing, looks_like_number
+from rig.tables.of_others.where_the_table_is import is_value
 
 _OF = r"(?:\s*\(.*\)|\s+of .*|\s*[:=].*|\.)?"
 _WORDS = {

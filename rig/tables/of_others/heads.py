@@ -9,8 +9,8 @@ from itertools import pairwise
 
 from rig.errors import UsageError
 from rig.tables.of_others.block import Block, trimmed
+from rig.tables.of_others.cells_of_lines import Line, split
 from rig.tables.of_others.file_form import FileForm
-from rig.tables.of_others.lines import Line, split
 from rig.tables.of_others.numbers import is_missing, is_no_reading, is_value, looks_like_number
 from rig.units.in_tables import bare, is_unit, no_unit
 

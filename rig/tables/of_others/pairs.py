@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from rig.tables.of_others.lines import Line
+from rig.tables.of_others.cells_of_lines import Line
 from rig.tables.of_others.numbers import is_time, looks_like_number, with_unit
 
 _PAIR = re.compile(

@@ -13,8 +13,8 @@ from rig.errors import UsageError
 from rig.procedures.tables.file_rows import rows_in_words
 from rig.procedures.tables.table import Table
 from rig.tables.of_others.cells import Cells
-from rig.tables.of_others.layout import NO_SEPARATOR
 from rig.tables.of_others.numbers import is_missing
+from rig.tables.of_others.where_the_table_is import NO_SEPARATOR
 
 if TYPE_CHECKING:
     from rig.tables.of_others.cells import Cells

@@ -10,7 +10,7 @@ from rig.errors import ConfigurationError
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 from rig.unattended.happenings import Happening, Kind, RunFacts
 from rig.unattended.notify import NotSent, Send, compose, read_settings, secret_files, senders
-from rig.unattended.places import find_settings
+from rig.unattended.place_of_notify import find_settings
 
 
 def check_people(explicit: Path | None, facts: RunFacts, now_s: float, *, send: bool) -> Iterator[Finding]:

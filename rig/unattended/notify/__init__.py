@@ -4,7 +4,7 @@ from rig.unattended.notify.channels import Send, sender, senders
 from rig.unattended.notify.delivery import NotSent
 from rig.unattended.notify.message import Message, compose
 from rig.unattended.notify.notifier import Failure, Notifier
-from rig.unattended.notify.settings import NotifySettings, read_settings, secret_files
+from rig.unattended.notify.notify_file import NotifySettings, read_settings, secret_files
 
 __all__ = [
     "Failure",

@@ -18,7 +18,7 @@ from rig.errors import ConfigurationError
 from rig.unattended.notify.delivery import Line, NotSent, deliver, veiled
 from rig.unattended.notify.mail import mail_sender
 from rig.unattended.notify.message import Message
-from rig.unattended.notify.settings import Apprise, Command, Mail, NotifySettings, Webhook, secret
+from rig.unattended.notify.notify_file import Apprise, Command, Mail, NotifySettings, Webhook, secret
 from rig.unattended.notify.template import filled
 from rig.unattended.notify.webhook import webhook_sender
 

@@ -15,7 +15,7 @@ from typing import IO
 from rig.errors import ConfigurationError
 from rig.unattended.notify.delivery import Line, NotSent, deliver, veiled
 from rig.unattended.notify.message import Message
-from rig.unattended.notify.settings import Mail, secret
+from rig.unattended.notify.notify_file import Mail, secret
 
 _PORTS = {"starttls": 587, "ssl": 465, "none": 25}
 _MOST_ANSWERED = 100_000

@@ -16,7 +16,7 @@ from rig.unattended.happenings import Happening, Kind, RunFacts
 from rig.unattended.notify.channels import Send
 from rig.unattended.notify.delivery import NotSent, reason
 from rig.unattended.notify.message import Message, compose
-from rig.unattended.notify.settings import NotifySettings, _Channel
+from rig.unattended.notify.notify_file import NotifySettings, _Channel
 from rig.unattended.worker import Worker
 
 _WAITING = 200

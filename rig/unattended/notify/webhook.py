@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 from rig.errors import ConfigurationError
 from rig.unattended.notify.delivery import Line, NotSent, deliver
 from rig.unattended.notify.message import Message
-from rig.unattended.notify.settings import Webhook, secret, web_address
+from rig.unattended.notify.notify_file import Webhook, secret, web_address
 from rig.unattended.notify.template import filled
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 
 from rig.bench.config import BenchConfig
 from rig.register import Register
-from rig.register.schema import Equipment
+from rig.register.equipment_file import Equipment
 from rig.run_file.events.sessions import Identified
 
 

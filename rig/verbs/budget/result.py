@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from rig.errors import UsageError
 from rig.fitter.rounding import rounded_df, with_error
-from rig.options import options_of
+from rig.options_of_kinds import options_of
 from rig.procedures.present.blocks import Block, Grid, Line, headline
 from rig.verbs.budget.evaluation import RunBudget, budget_of, run_with_register, shapes_at
 from rig.verbs.budget.found import with_found

@@ -15,7 +15,7 @@ from typing import Any
 from rig.errors import UsageError
 from rig.files.temporary import locked, open_temporary, sweep, sync_folder, temporary_in
 from rig.verbs.certificate.document import Amendment
-from rig.verbs.certificate.seal import hash_of
+from rig.verbs.certificate.seals import hash_of
 
 FORMS = ("pdf", "html", "xml", "json")
 COMMIT = "json"

@@ -184,7 +184,7 @@ def _paper(name: str) -> Any:
 
 
 def _check(xml: bytes, schema: Path) -> None:
-    from rig.dcc.schema import schema_errors  # noqa: PLC0415
+    from rig.dcc.ptb_schema import schema_errors  # noqa: PLC0415
 
     errors = schema_errors(xml, schema)
     if errors:

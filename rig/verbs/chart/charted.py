@@ -14,8 +14,8 @@ from rig.fitter.errors import FitError
 from rig.fitter.history import Between, Chart, QuantityChart, chart
 from rig.procedures.evaluate.charting import View
 from rig.verbs.chart.inputs import Given, notes
+from rig.verbs.chart.sentences import due_sentence, quantity_sentences
 from rig.verbs.chart.together import LeftOut
-from rig.verbs.chart.words import due_sentence, quantity_sentences
 
 DAYS = 365.25
 SHORT_DAYS = 30.0

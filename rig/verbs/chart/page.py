@@ -21,7 +21,7 @@ from rig.procedures.present.words import capitalised
 from rig.procedures.tables.unused import Unused
 from rig.verbs.chart.charted import DAYS, SHORT_DAYS, ControlCharts, SensorChart
 from rig.verbs.chart.inputs import as_table
-from rig.verbs.chart.words import due_date, probability
+from rig.verbs.chart.sentences import due_date, probability
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 

@@ -15,8 +15,8 @@ from rig.errors import UsageError
 from rig.fitter.rounding import with_error
 from rig.procedures.present.blocks import Block, Grid, Line, simulated_mark
 from rig.verbs.chart.charted import ControlCharts, chart_calibrations
+from rig.verbs.chart.sentences import due_date
 from rig.verbs.chart.together import read_together
-from rig.verbs.chart.words import due_date
 from rig.verbs.data.kept import REPEATABILITY
 from rig.verbs.data.result import Data
 from rig.verbs.frames import Frame, of_rows

@@ -3,7 +3,7 @@
 from rig.verbs.confirm.answers import Confirmed, chance, evidence, following, judge, sentences, sizes, unfit
 from rig.verbs.confirm.calibration import fit_confirmed
 from rig.verbs.confirm.first import First, open_traced
-from rig.verbs.confirm.plans import plan_for, procedure_text
+from rig.verbs.confirm.further_plan import plan_for, procedure_text
 from rig.verbs.confirm.proposal import SURE, Proposal
 from rig.verbs.confirm.proposals import (
     Inseparable,

@@ -15,7 +15,7 @@ from rig.errors import UsageError
 from rig.fitter.arrays import FloatArray
 from rig.fitter.confirm import Confirmation, Later, Member, SensorError, confirm_all, still_open
 from rig.fitter.confirm import Confirmed as Judged
-from rig.fitter.confirm.judge import CHANGED, PREDICTED
+from rig.fitter.confirm.judgement import CHANGED, PREDICTED
 from rig.fitter.errors import FitError
 from rig.fitter.json_values import if_finite
 from rig.procedures.present.words import SMALLEST

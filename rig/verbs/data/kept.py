@@ -13,7 +13,7 @@ from rig.procedures.evaluate.budgeting import NOT_COVERED, Evaluation
 from rig.procedures.evaluate.influences import StoredInfluence, explain, kept
 from rig.verbs.budget.evaluation import OfRun
 from rig.verbs.budget.held import held
-from rig.verbs.data.lines import WITHOUT, lines_in_use
+from rig.verbs.data.budget_lines import WITHOUT, lines_in_use
 from rig.verbs.infer.total import TOTAL
 
 REPEATABILITY = "repeatability only"

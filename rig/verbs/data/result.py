@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from rig.effects import laboratory_effects
 from rig.errors import UsageError
 from rig.files.atomic import write_whole
-from rig.options import chosen
+from rig.options_of_kinds import chosen
 from rig.procedures.errors import DataError
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.words import units

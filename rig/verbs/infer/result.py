@@ -10,7 +10,7 @@ import numpy as np
 from rich.markup import escape
 
 from rig.files.atomic import check_files, check_format
-from rig.options import options_of
+from rig.options_of_kinds import options_of
 from rig.procedures.present.blocks import Block, Line, simulated_mark
 from rig.procedures.tables.unused import sentences
 from rig.tables import FileForm

@@ -23,7 +23,7 @@ from rig.procedures.present.durations import duration
 from rig.procedures.present.shell import shell_word
 from rig.run_file.events.bench import Fault
 from rig.run_file.live import asked_by_hand, done_command, read_live, silent_s
-from rig.run_file.read.opening import sensible
+from rig.run_file.read.safe_opening import sensible
 from rig.run_file.state.elsewhere import goes_on_in
 from rig.run_file.verify.verification import CUT_SHORT, glance
 from rig.runs.accepted import Acceptance

@@ -6,6 +6,6 @@ the events that explain them must agree. A change that is consistent in itself (
 1.001) shows only in a comparison with a head hash that was noted elsewhere.
 """
 
-from rig.run_file.verify.sense.check import Judged, judged
+from rig.run_file.verify.sense.all_checks import Judged, judged
 
 __all__ = ["Judged", "judged"]

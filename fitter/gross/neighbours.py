@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.gross.forward_search import GrossErrors
 from rig.fitter.gross.rows import Rows
-from rig.fitter.gross.search import GrossErrors
 
 FEWEST = 5
 """Minimum number of named rows in a smooth curve."""

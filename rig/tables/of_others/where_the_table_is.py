@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 from rig.errors import UsageError
 from rig.tables.of_others.block import Block, block_of, is_data, trimmed
+from rig.tables.of_others.cells_of_lines import Line
 from rig.tables.of_others.file_form import SEPARATORS, FileForm
 from rig.tables.of_others.heads import Heads, heads_of
-from rig.tables.of_others.lines import Line
 from rig.tables.of_others.numbers import is_missing, is_time, is_value, looks_like_number
 from rig.tables.of_others.pairs import with_pairs
 

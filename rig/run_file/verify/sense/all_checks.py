@@ -11,13 +11,13 @@ from rig.run_file.chain import Record
 from rig.run_file.damage.audit import Finding
 from rig.run_file.events.corrections import Corrected
 from rig.run_file.read.reader import RunReader
-from rig.run_file.state.corrections import Entries
+from rig.run_file.state.corrected import Entries
 from rig.run_file.state.state import RunState
 from rig.run_file.verify.sense.accounts import Accounts
 from rig.run_file.verify.sense.durations import Durations
 from rig.run_file.verify.sense.evidence import Evidence
 from rig.run_file.verify.sense.facts import Facts
-from rig.run_file.verify.sense.instruments import Instruments
+from rig.run_file.verify.sense.instruments_of_run import Instruments
 from rig.run_file.verify.sense.marks import Marks
 from rig.run_file.verify.sense.places import Places
 from rig.run_file.verify.sense.readings import Readings

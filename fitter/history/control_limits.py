@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.history.components import Between, fit
+from rig.fitter.history.between_calibrations import Between, fit
 from rig.fitter.history.series import Series
 from rig.fitter.quantiles import t_limit
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.history.components import Between, Profile
+from rig.fitter.history.between_calibrations import Between, Profile
 from rig.fitter.history.series import Series
 
 NODES = 128

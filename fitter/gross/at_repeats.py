@@ -16,8 +16,8 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import IntArray
+from rig.fitter.gross.forward_search import GrossErrors, gross_errors
 from rig.fitter.gross.rows import Rows
-from rig.fitter.gross.search import GrossErrors, gross_errors
 
 HOLDS = 0.05
 """Minimum probability of such a lack of fit by chance, if the declared model is to decide."""
