@@ -40,11 +40,11 @@ EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     ),
     "units/differences.py": ({"psia"}, "units that convert"),
     "run_file/events/points.py": ({"whole-plot"}, "a status in run files, of runs with hard-to-change factors"),
-    "run_file/verify/sense/instruments.py": (
+    "run_file/verify/sense/instruments_of_run.py": (
         {"psia"},
         "units of scanners' outputs, and the role of a pressure controller",
     ),
-    "unattended/service.py": ({"psia"}, _CONTROLLER),
+    "unattended/systemd_unit.py": ({"psia"}, _CONTROLLER),
     "simulated/world_keys.py": ({"attitude", "transducers", "sse"}, "tables of the two benches that are simulated"),
 }
 """Files of rig that have words of kinds, and why they may."""

@@ -144,7 +144,7 @@ def test_make_installs_no_file_that_is_not_locked_and_says_what_to_do(tmp_path, 
     served = tmp_path / "served"
     served.mkdir()
     right = hashlib.sha256(small_wheel(served).read_bytes()).hexdigest()
-    for folder in ("tools", "locks"):
+    for folder in ("tools", "locks", "rig"):
         (tmp_path / "project" / folder).mkdir(parents=True)
     shutil.copy(ROOT / "tools" / "make-venv", tmp_path / "project" / "tools")
     (tmp_path / "project" / ".venv").symlink_to(sys.prefix)

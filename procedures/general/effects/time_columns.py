@@ -143,7 +143,7 @@ def lag(scene: TableScene, name: str) -> Terms:
     session = _session(scene)
     breaks = interruptions(session, MOST_INTERRUPTIONS)
     stood, at_rest = scene.stood(name), middle(v)
-    unread = stood is not None and (stood.start is None or bool(np.isnan(stood.start[0])))
+    unread = stood is not None and stood.start is not None and bool(np.isnan(stood.start[0]))
 
     def at(tau: float) -> TableTerm:
         tau = rounded(tau, tau)
