@@ -22,6 +22,8 @@ from rig.procedures.general.effects.time_columns import of_start
 from rig.procedures.general.trace.estimate import estimate
 
 SMALL, FOLDS, BLOCKS, SEED = 12, 5, 20, 5
+LONG, OF_LONG = 1000, 3
+"""Rows from which on there are so many folds: what is kept then has far more rows than a model has terms."""
 SHARING = "groups with an error in common"
 """Groups left out in turn: whole plots, or replications."""
 FEWEST_SPARE = 3
@@ -97,8 +99,8 @@ def _folds(problem: Problem, at: int) -> tuple[IntArray, str]:
         return dealt[group].astype(np.int64), SHARING
     if n <= SMALL:
         return np.arange(n), "single rows"
-    folds = FOLDS if n > 60 else 2 * FOLDS
+    folds = OF_LONG if n >= LONG else FOLDS if n > 60 else 2 * FOLDS
     if isinstance(problem.noise, Wandering) and at > 0:
         block = np.arange(n) * BLOCKS // n
-        return (block % FOLDS).astype(np.int64), "stretches of time"
+        return (block % min(folds, FOLDS)).astype(np.int64), "stretches of time"
     return rng.permutation(np.arange(n) % folds).astype(np.int64), "random rows"
