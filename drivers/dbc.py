@@ -95,7 +95,7 @@ class Series:
         kind = (message.name, frozenset(values))  # each group of a multiplexed message has its own counter
         if at is not None:
             if self._counters.get(kind) == at:
-                self.repeated += 1
+                self.repeated += 1  # a unit that hangs sends its last frame again and again
                 return
             self._counters[kind] = at
         for label, signal in self._faults.get(message.name, ()):

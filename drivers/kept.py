@@ -24,6 +24,6 @@ def not_kept(
         The question, the wanted answer and the last answer.
     """
     for question, value in wanted.items():
-        answers = (ask(question) for _ in range(2))
+        answers = (ask(question) for _ in range(2))  # lazily: the second question is asked only if the first disagrees
         if not any(agree(answer := one, value) for one in answers):
             yield question, value, answer

@@ -161,6 +161,7 @@ class Keysight34970A(ScpiMeter):
             commands += [f"TEMP:NPLC {nplc:g},{at}", f"UNIT:TEMP C,{at}"]
             wanted |= {f"TEMP:NPLC? {at}": nplc, f"UNIT:TEMP? {at}": ",".join("C" * len(degrees))}
         everything = channel_list(self._names)
+        # It answers its scan list as a block of stated length (IEEE 488.2): #, digits of the length, length, text.
         listed = f"(@{','.join(self._names)})"
         block = f"#{len(str(len(listed)))}{len(listed)}{listed}"
         self._configure([*commands, f"ROUT:SCAN {everything}", "TRIG:SOUR IMM"])

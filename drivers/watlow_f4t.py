@@ -263,7 +263,7 @@ class WatlowF4T(MappedTemperatures):
                 f"{self._line.where}: process_value reads {here:g} degC, far outside {low:g} to {high:g} degC; its "
                 f"setpoint stays as it is; look at the chamber and at its sensor"
             )
-        self._set_setpoint(min(max(here, low), high), fahrenheit)
+        self._set_setpoint(min(max(here, low), high), fahrenheit)  # before control: it holds what it finds
         self._end_manual()
 
     def make_safe(self) -> None:

@@ -95,7 +95,7 @@ class MappedDevice:
         return self._line.read(self._address(name, number), self._entries[name].words)
 
     def _text(self, name: str) -> str:
-        return "".join(chr(word) for word in self._words(name) if word).strip()
+        return "".join(chr(word) for word in self._words(name) if word).strip()  # one character in each register
 
     def _integer(self, name: str) -> int:
         words = self._words(name)

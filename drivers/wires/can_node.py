@@ -73,6 +73,7 @@ class _Responses:
         self.foreign = b""
 
     def put(self, frame: bytes) -> None:
+        # Segments of a long object have no index; they follow a frame that had the right one.
         names_object = len(frame) == 8 and frame[0] & 0xE0 in (_UPLOADED, _DOWNLOADED, _ABORTED)
         if not names_object or frame[1:4] == self._asked:
             self._frames.append(frame)

@@ -49,7 +49,7 @@ class TracedEvaluation(GeneralEvaluation):
         return self._found.outcomes
 
     def moved_to(self, at: Sequence[Mapping[str, float]]) -> TracedEvaluation:
-        """The same at other points, of a kind that has `grids`."""
+        """This evaluation at other points."""
         return TracedEvaluation(self._recorded, at, self._found)
 
     @cached_property
@@ -68,7 +68,7 @@ class TracedEvaluation(GeneralEvaluation):
         return found
 
     def elsewhere(self, used: Collection[str]) -> Sequence[TracedEvaluation]:
-        """The same at its points, with quantities outside `used` as they were in some rows of the run; itself if there
+        """This evaluation with quantities outside `used` as they were in some rows of the run; itself if there
         are none. At some rows, evenly along the quantities, in their order.
         """
         names = {name for one in self._each for name in one.calibration.formula.names}

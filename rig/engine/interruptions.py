@@ -75,7 +75,7 @@ class Interruptions:
         if self._signals.interrupt:
             raise Interrupted
         request = self._requests.poll()
-        if request is not None and self._state() != State.PARKING:
+        if request is not None and self._state() != State.PARKING:  # parking ends the session: too late for any
             refused = self._by_hand.take(request) if request.verb in ("release", "done") else ""
             self._journal.acknowledge(request.request_id, refused)
             if request.verb == "stop":

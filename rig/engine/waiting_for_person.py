@@ -116,7 +116,7 @@ class Holding:
             try:
                 if self._interruptions.released:
                     self._journal.message = ""
-                    if not told:
+                    if not told:  # once, also if the look at the bench that follows has to be repeated
                         self._journal.write(Released())
                     told = True
                     return go_on()
@@ -126,7 +126,7 @@ class Holding:
                 why = str(error)
             except DriverError as error:
                 held = self._failed(error)
-                if held:
+                if held:  # the run holds again, and this release has been used up
                     self._interruptions.released = told = False
                     why = held
                 continue

@@ -176,6 +176,7 @@ def strange_tables(guarded: Guarded) -> str | None:
     """Why the tables of a file are not those of a run file; None if they are."""
     found = {
         (kind, name): sql
+        # Limited: a hostile schema may have any number of objects.
         for kind, name, sql in guarded.rows("SELECT type, name, sql FROM sqlite_master LIMIT 10000")
         if name in TABLES
     }

@@ -120,14 +120,14 @@ def _frames(data: bytes, page: int, order: Order, salts: tuple[int, int], runnin
             damage = damage or f"frame {frames} is cut short"
             break
         _, commit, salt0, salt1, sum0, sum1 = _FRAME.unpack_from(data, at)
-        if not damage:
+        if not damage:  # checksums run on from frame to frame: after a bad one no later one can be checked
             running = _checksum(data[at : at + 8], order, *running)
             running = _checksum(data[at + _FRAME.size : at + size], order, *running)
             if (salt0, salt1) != salts:
                 damage = f"frame {frames} does not belong to its log"
             elif running != (sum0, sum1):
                 damage = f"frame {frames} fails its checksum"
-        if commit:
+        if commit:  # size of the database after the transaction; 0 in the frames before its last one
             if damage:
                 lost += 1
             else:

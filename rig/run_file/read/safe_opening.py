@@ -52,7 +52,7 @@ def check_header(path: Path) -> None:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from error
     if not start.startswith(b"SQLite format 3\0") or len(start) < 100:
         raise UsageError(f"{path} is not a run file (not an SQLite database), or its beginning is damaged{_copy(path)}")
-    if int.from_bytes(start[68:72], "big") != APPLICATION_ID:
+    if int.from_bytes(start[68:72], "big") != APPLICATION_ID:  # its place by SQLite's file format
         raise UsageError(f"{path} is not a run file (an SQLite database of another program), or damaged{_copy(path)}")
 
 
@@ -93,7 +93,7 @@ def locked(descriptor: int) -> bool:
 def opened_to_read(path: Path, uri: str) -> apsw.Connection:
     """A read-only connection. Raises `apsw.Error` or `RunFileError`."""
     db = apsw.Connection(uri, flags=_READ_ONLY)
-    db.set_busy_timeout(2000)
+    db.set_busy_timeout(2000)  # milliseconds; chosen
     guard(db, writes=False)
     return checked(path, db)
 
@@ -113,6 +113,7 @@ def by_itself(path: Path) -> Alone | None:
 
 def opened_without_log(path: Path) -> apsw.Connection:
     """A connection that ignores files beside the run file. Raises as `opened_to_read`."""
+    # For an immutable file SQLite looks for neither log nor lock.
     return opened_to_read(path, f"{path.absolute().as_uri()}?mode=ro&immutable=1")
 
 
@@ -140,7 +141,7 @@ def rolled_back(path: Path) -> bool:
         if not locked(lock):
             return False
         db = apsw.Connection(str(path), flags=apsw.SQLITE_OPEN_READWRITE)
-        db.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1)
+        db.config(apsw.SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1)  # only the journal is undone; a log stays as it is
         try:
             db.execute("SELECT count(*) FROM sqlite_master").fetchall()
         finally:
