@@ -10,7 +10,7 @@ import sqlite3
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import apsw
@@ -516,7 +516,12 @@ def test_a_file_that_is_only_touched_goes_on(path):
         assert fold(run.records()).accepted == {0, 1, 2, 3}
 
 
-def test_a_second_name_of_a_run_under_way_is_refused(path, tmp_path):
+def not_listed(folder: Path) -> Iterator[Path]:
+    """A folder that may be entered and not listed."""
+    raise PermissionError(13, "Permission denied", str(folder))
+
+
+def test_a_second_name_of_a_run_under_way_is_refused(path, tmp_path, monkeypatch):
     killed = tmp_path / "killed"
     killed.mkdir()
     with RunWriter.open(path) as run:
@@ -528,6 +533,10 @@ def test_a_second_name_of_a_run_under_way_is_refused(path, tmp_path):
     for open_it in (RunWriter.open, RunReader.open):
         with pytest.raises(UsageError, match=r"second name \(hard link\).*a-run\.sqlite"):
             open_it(second)
+    with monkeypatch.context() as unlisted:
+        unlisted.setattr("pathlib.Path.iterdir", not_listed)
+        with pytest.raises(UsageError, match="by the first: somewhere else"):
+            RunReader.open(second)
     with RunWriter.open(first) as run:
         assert fold(run.records()).accepted == {0}
         run.finish(Record(1, "end", 1.0, 1e9, status="complete"))

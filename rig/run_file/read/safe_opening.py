@@ -68,6 +68,7 @@ def check_name(path: Path) -> None:
         if file.read(20)[18:19] != _WAL_MODE:
             return
     own = os.stat(path).st_ino
+    others: list[Path] = []  # a folder may be entered and not listed
     with contextlib.suppress(OSError):
         others = [other for other in sorted(path.absolute().parent.iterdir()) if other.lstat().st_ino == own]
     names = ", ".join(str(other) for other in others if other != path.absolute()) or "somewhere else"
