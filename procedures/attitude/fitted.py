@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from rig.fitter.effects.entry import Entry
     from rig.procedures.attitude.data import AttitudeData
     from rig.procedures.attitude.infer import AttitudeCalibration
+    from rig.procedures.attitude.settings import PitchRollProcedure
     from rig.procedures.attitude.trace import Trace
     from rig.procedures.tables.table import Table
-from rig.procedures.attitude.settings import PitchRollProcedure
 from rig.procedures.evaluate.acceptance import Verdict, gross_words
 from rig.procedures.tables.table import Table
 
