@@ -191,6 +191,11 @@ def budget(
         ConfigurationError: the register cannot be used for the run.
         DataError: it cannot be evaluated, or a point cannot be used.
         RunFileError: the run file cannot be used.
+
+    Example:
+        >>> first = rig.budget("night.sqlite", equipment="register.toml").to_json()["results"][0]
+        >>> first["name"], round(first["coverage_factor"], 2)
+        ('x_V offset', 1.94)
     """
     if not 0.5 < probability < 1.0:
         raise UsageError(f"--probability {probability:g} is not between 0.5 and 1")
