@@ -2,7 +2,7 @@
 
 A source, a pressure controller or an axis of a head holds its setting, as an axis that no point moves. Every whole plot
 is a setting of its own: a value that stands already is left first. An angle comes from its planned side. What a person
-sets is in `set_by_hand`.
+sets is in `by_hand.to_set`.
 """
 
 from __future__ import annotations

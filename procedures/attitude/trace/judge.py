@@ -34,7 +34,7 @@ addition to the 3 % of all others. Later tests remove more than half of each.
 
 @dataclass(frozen=True, eq=False)
 class AttitudeJudge:
-    """A `rig.procedures.attitude.trace.search.Judge` of pitch-roll runs.
+    """A `rig.fitter.trace.search.Judge` of pitch-roll runs.
 
     Attributes:
         problem: the run.

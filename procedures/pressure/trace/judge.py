@@ -26,7 +26,7 @@ the other's standard error.
 
 @dataclass(frozen=True, eq=False)
 class WholePlotJudge:
-    """A `rig.procedures.attitude.trace.search.Judge` of whole-plot runs."""
+    """A `rig.fitter.trace.search.Judge` of whole-plot runs."""
 
     problem: Problem
     family: Families
