@@ -8,7 +8,7 @@ output times its slope.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,8 @@ class Common:
         same_in: the unit of the outputs, or the name of a setting, in which it is of one size in all of them. Empty if
             sizes differ by more than their errors.
         p: probability of such differences of sizes by chance; of each of `same_in`.
-        spread: largest difference of its sizes in the outputs, as a part of their mean.
+        spread: largest difference of its sizes in the outputs, as a part of their mean magnitude.
+        both_signs: whether it raises some outputs and lowers others.
     """
 
     effect: str
@@ -45,15 +46,17 @@ class Common:
     same_in: tuple[str, ...]
     p: tuple[float, ...]
     spread: float
+    both_signs: bool = False
 
     @property
     def sentence(self) -> str:
         """What it means, and the measurement that tells."""
         count = f"all {len(self.outputs)} outputs"
         if not self.same_in:
+            sizes = f"sizes up to {100.0 * self.spread:.2g} % apart, which is more than their errors"
             return (
-                f"{self.effect} is in {count}, with sizes up to {100.0 * self.spread:.2g} % apart, which is more than "
-                f"their errors: each has a cause of its own, or all respond to one cause in their own way"
+                f"{self.effect} is in {count}, with {'both signs' if self.both_signs else sizes}: "
+                f"each has a cause of its own, or all respond to one cause in their own way"
             )
         pairs = [f"in {name} (p {p:.2g})" for name, p in zip(self.same_in, self.p, strict=True)]
         settings = [name for name in self.same_in if name not in {spelled(unit_of(one)) for one in self.outputs}]
@@ -93,7 +96,8 @@ def _common(name: str, each: Mapping[str, GeneralTraced], own: Mapping[str, Foun
         sizes = np.array([one.coefficients[0] for one in own.values()])
     errors = sizes * np.array([_relative_error(one, by_time=by_time) for one in own.values()])
     df = min((one.df for one in own.values() if one.df is not None), default=1.0)
-    told = Common(name, tuple(own), (), (), float(np.ptp(sizes) / abs(sizes.mean())))
+    spread, signs = float(np.ptp(sizes) / np.abs(sizes).mean()), np.sign(sizes)
+    told = Common(name, tuple(own), (), (), spread, bool(np.ptp(signs) > 1))
     if not alike:
         return told
     units = {spelled(unit_of(output)) for output in own}
@@ -106,7 +110,7 @@ def _common(name: str, each: Mapping[str, GeneralTraced], own: Mapping[str, Foun
     scaled = {name: ratio / ratio.mean() for name, ratio in {**tried, **ratios}.items()}
     chances = {name: _p_same(size, errors / sizes * size, df) for name, size in scaled.items()}
     same = {name: p for name, p in chances.items() if p >= SAME}
-    return Common(name, told.outputs, tuple(same), tuple(same.values()), told.spread)
+    return replace(told, same_in=tuple(same), p=tuple(same.values()))
 
 
 def _relative_error(effect: FoundTableEffect, *, by_time: bool) -> float:

@@ -120,7 +120,7 @@ def show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *
     out.print(f"\n{mark(confirmed.first.simulated)}judged by {escape(by)}", soft_wrap=True)
     for answer in confirmed.answers:
         show_answer(answer)
-    columns = ("declared model", "with the effects", "scatter of a reading")
+    columns = ("declared model", "with the effects", "scatter of a row")
     several = any(confirmed.named(name) != name for name in confirmed.judged.errors)
     errors = Table("error on the further run" + ("" if several else f" / {confirmed.unit}"), *columns)
     for name, e in confirmed.judged.errors.items():

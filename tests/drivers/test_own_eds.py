@@ -79,7 +79,7 @@ def test_a_bench_that_leaves_the_unit_out_is_refused_before_anything_moves(tmp_p
 
 
 def test_doctor_warns_of_what_the_drives_do_without(bench: Path) -> None:
-    findings = [one for one in check_twins(read_bench(bench)[0], {}, {}) if one.check == "head"]
+    findings = [one for one in check_twins(read_bench(bench)[0], {}, "", {}) if one.check == "head"]
     assert [one.level for one in findings] == ["ok"] + ["warning"] * 6
     assert findings[1].found.startswith("the EDS has no 6067h that can be set")
 

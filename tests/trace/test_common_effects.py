@@ -57,9 +57,18 @@ def test_a_drift_of_the_reference_is_one_of_its_size_in_the_setting():
 
 
 def test_drifts_of_each_their_own_are_not_said_to_be_one():
+    (found,) = common_of(traced(lambda flow, time, slope, number: (4.0, 9.0, 5.0)[number] * time / 7200.0))
+    assert found.same_in == ()
+    assert found.spread == pytest.approx(5.0 / 6.0, rel=0.1)
+    assert "more than their errors" in found.sentence
+
+
+def test_drifts_of_both_signs_are_not_given_a_share_of_their_mean():
+    """Sizes of 0.03, 0.02 and -0.02 were said to be 360 % apart: their mean is nearly zero."""
     (found,) = common_of(traced(lambda flow, time, slope, number: (4.0, 9.0, -5.0)[number] * time / 7200.0))
     assert found.same_in == ()
-    assert "more than their errors" in found.sentence
+    assert found.spread == pytest.approx(14.0 / 6.0, rel=0.1)
+    assert "is in all 3 outputs, with both signs: each has a cause of its own" in found.sentence
 
 
 def test_what_one_sensor_lacks_is_not_common():

@@ -53,7 +53,7 @@ def budget_section(
     notes[:0] = [*lacking, *of.stated.unused]
     notes += held(of.table, of.config.temperatures, evaluation.columns, ())
     if without:
-        notes.insert(0, f"{', '.join(without)}: not in the model of the calibration, and in no interval")
+        notes.insert(0, f"{', '.join(without)}: not in the model of the calibration; intervals have it only as scatter")
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
     if of.stated.example:
