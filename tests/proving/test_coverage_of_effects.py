@@ -35,12 +35,10 @@ def test_results_of_stands_hold_at_rest(name):
         ("pH electrode", "creep", 0),
         ("hot-wire anemometer", "sensitivity drift", 0),
         ("turbine flow meter", "direction", 0),
-        # another cause of which the model has one variable more: no value is inferred by it
-        ("", "carry-over", 5),
     ],
 )
 def test_results_of_meters_of_no_example_hold_at_rest(meter, name, seed):
-    """Budgets ended in a fault, where the effect found, or its other cause, changed what a model is made of."""
+    """Budgets ended in a fault where the effect found changed what a model is made of."""
     _holds(_general(seed, name, meter))
 
 
