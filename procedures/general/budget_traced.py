@@ -59,9 +59,14 @@ class TracedEvaluation(GeneralEvaluation):
         found = []
         for output, named, member, asked in self._found.others:
             moved = np.zeros(len(base.values))
+            own, model = sensors[output], asked.models[output]
+            if (
+                model.formula is not None and own.variable is not None
+            ):  # of more variables a reading determines the same
+                model = model.model_copy(update={"abscissa": own.variable})
             try:
-                every = GeneralEvaluation(asked.table, self._points, {output: asked.models[output]}).each
-                moved[np.array(base.sensors) == output] = _difference(sensors[output], every[0])
+                (other,) = GeneralEvaluation(asked.table, self._points, {output: model}).each
+                moved[np.array(base.sensors) == output] = _difference(own, other)
             except FitError:
                 moved[:] = np.nan
             found.append((output, named, member, moved if np.isfinite(moved).all() else None))
@@ -127,10 +132,7 @@ def _with_means(table: Table, at: Sequence[Mapping[str, float]]) -> list[Mapping
 
 
 def _difference(own: Sensor, other: Sensor) -> FloatArray:
-    """(m,) results of a sensor by another model, less its own; a coefficient that one of them has not differs by 0.
-
-    Where the other model has more variables, and infers none, the inferred value differs as its output does.
-    """
+    """(m,) results of a sensor by another model, less its own; a coefficient that one of them has not differs by 0."""
     if not other.has_points:
         raise FitError("the points do not give every variable of the other model")
     theirs = dict(zip(other.terms, other.fitted.tolist(), strict=True))
@@ -139,10 +141,5 @@ def _difference(own: Sensor, other: Sensor) -> FloatArray:
     mine, found = own.values(own.fitted, own.readings), other.values(other.fitted, own.readings)
     k, q, p = len(kept), len(theirs), len(own.readings)
     outputs = found[q : q + p] - mine[k : k + p]
-    if own.variable is None:
-        inferred = np.zeros(0)
-    elif own.variable == other.variable:
-        inferred = found[q + p :] - mine[k + p :]
-    else:
-        inferred = -outputs / own.slope
+    inferred = np.zeros(0) if own.variable is None else found[q + p :] - mine[k + p :]
     return np.concatenate([coefficients, outputs, inferred])

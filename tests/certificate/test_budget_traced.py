@@ -12,6 +12,10 @@ from command import rig
 from general_lab import BENCH, PROCEDURE, WORLD, run_dry
 
 from proving.truth.pressure import HOMOSCEDASTIC, simulate
+from rig.procedures.general.budget_traced import TracedEvaluation as GeneralTraced
+from rig.procedures.general.model_settings import SensorModel
+from rig.procedures.general.of_runs import RunModels
+from rig.procedures.general.traced import WithEffects
 from rig.procedures.pressure.budget import PressureEvaluation
 from rig.procedures.pressure.budget_traced import TracedEvaluation
 from rig.procedures.pressure.trace import trace_whole_plots
@@ -97,3 +101,25 @@ def test_a_pressure_budget_has_the_causes_that_look_alike():
     sd = np.sqrt(np.diag(evaluation.results.type_a.covariance))[-4:-2]
     assert np.all(np.abs(own.readings - truth) < 3 * sd)
     assert np.all(np.abs(own.readings - truth) < np.abs(plain.readings - truth))
+
+
+def test_a_cause_with_one_more_factor_gives_the_same_inferred_quantity(run):
+    """Both are factors of the run, and the model says of neither that a reading determines it."""
+    table = run_table(run)
+    x, rng = table.columns["force_kN"], np.random.default_rng(1)
+    room = 21.0 + 0.08 * x**2 + 0.05 * rng.standard_normal(len(x))
+    y = 0.1 + 0.5 * x + 2e-3 * x**2 + 1e-5 * rng.standard_normal(len(x))
+    table = replace(table, factors=("force_kN", "oven_degC"), columns={**table.columns, "oven_degC": room, "cell_V": y})
+    curve, oven = (
+        RunModels(table, {"cell_V": SensorModel(formula=f"1 + force_kN + {term}", standard=None, abscissa=None)})
+        for term in ("force_kN^2", "oven_degC")
+    )
+    others = (("cell_V", "second-order:force_kN", "temperature:oven_degC", oven),)
+    found = WithEffects(curve, {}, others, off={}, slopes={}, by_side={}, outcomes=())
+    at = {"force_kN": 4.5, "oven_degC": 22.0}
+    ((_, _, _, moved),) = GeneralTraced(table, [at], found)._moved
+    a, b, c = np.linalg.lstsq(np.column_stack([np.ones_like(x), x, room]), y, rcond=None)[0]
+    u, v, w = np.linalg.lstsq(np.vander(x, 3, increasing=True), y, rcond=None)[0]
+    reading = u + v * 4.5 + w * 4.5**2
+    assert moved[-1] == pytest.approx((reading - a - c * 22.0) / b - 4.5, rel=1e-6)
+    assert moved[-2] == pytest.approx(a + b * 4.5 + c * 22.0 - reading, rel=1e-6)
