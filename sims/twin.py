@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 from rig.sims.wires.serial_line import SerialEnd
 
 if TYPE_CHECKING:
-    from rig.sims.faults.fault import Kind
+    from rig.sims.fault import Kind
     from rig.sims.inputs import Inputs
     from rig.sims.wires.modbus_slave import Registers
     from rig.sims.world import World

@@ -21,6 +21,7 @@ from rig.procedures.attitude.fitted import effects_of, with_temperature
 from rig.procedures.attitude.infer import AttitudeCalibration
 from rig.procedures.attitude.infer.traced import calibrate_traced, covering_parameters
 from rig.procedures.attitude.rows import effect_figures, parameter_rows
+from rig.procedures.attitude.shown import show_attitude_trace
 from rig.procedures.attitude.table import KNOWN, UNIT, attitude_data
 from rig.procedures.attitude.trace import FoundEffect, SensorTrace, Trace, trace
 from rig.procedures.errors import DataError
@@ -48,10 +49,6 @@ class AttitudeTraced:
     data: AttitudeData
     trace: Trace
     temperature: bool = False
-
-    def at_words(self, sensor: str) -> str:
-        """Reference temperature of a sensor's parameters, in words."""
-        return self.declared[sensor].at_words
 
     @cached_property
     def declared(self) -> Mapping[str, AttitudeFit]:
@@ -82,15 +79,13 @@ class AttitudeTraced:
             ),
             attitude_sentence(name, sensor),
             _errors(sensor),
-            at_degC_sentence=self.at_words(name),
+            at_degC_sentence=declared.at_words,
             depends_on=list(self.depends_on(name)),
         )
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from rig.procedures.attitude.shown import show_attitude_trace  # noqa: PLC0415 - which needs this class
-
-        return show_attitude_trace(self)
+        return show_attitude_trace(self.table, self.to_json(), self.outcomes)
 
     def summary(self) -> Iterator[Block]:
         """All of it: there are few sensors."""
@@ -100,7 +95,7 @@ class AttitudeTraced:
         """Its report."""
         from rig.procedures.attitude.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
-        return trace_page(self)
+        return trace_page(self.table, self.data, self.trace, self.to_json(), self.outcomes)
 
     def depends_on(self, sensor: str) -> tuple[str, ...]:
         """Sentences about parameters whose value depends on the choice among several causes."""

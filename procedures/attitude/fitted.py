@@ -14,6 +14,7 @@ from rig.fitter.errors import FitError
 from rig.procedures.attitude.fit import AttitudeFit, at_temperature, fit_all
 from rig.procedures.attitude.gross import of_attitude
 from rig.procedures.attitude.infer.traced import Volts, calibrate_traced, covering_parameters
+from rig.procedures.attitude.shown import show_attitude_fit
 from rig.procedures.attitude.table import KNOWN, UNIT, attitude_data
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.catalogue import with_own
@@ -233,7 +234,5 @@ class AttitudeFitted(PlainFitted):
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from rig.procedures.attitude.shown import show_attitude_fit  # noqa: PLC0415 - which needs this module
-
         yield headline(PurePath(self.table.source).name, self.table)
         yield from show_attitude_fit(self.result)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from matplotlib.figure import Figure
 
 from rig.fitter.rounding import with_error
 from rig.fitter.trace.outcome import Outcome, WithError
+from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.parameters import NO_DIRECTION, SCALE, UNIT
 from rig.procedures.attitude.words import little_help
 from rig.procedures.evaluate.before_after import compared
@@ -20,7 +22,8 @@ from rig.procedures.present.effects_report import effects_part
 from rig.procedures.present.pictures import BEFORE_AFTER, colour_scale, dress, legend_below, side_by_side
 
 if TYPE_CHECKING:
-    from rig.procedures.attitude.evaluate import AttitudeTraced
+    from rig.procedures.attitude.trace import SensorTrace, Trace
+    from rig.procedures.tables.table import Table
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -107,17 +110,18 @@ def residual_map(picture: Picture) -> Figure:
     return figure
 
 
-def trace_page(traced: AttitudeTraced) -> Page:
+def trace_page(
+    table: Table, data: AttitudeData, trace: Trace, result: Mapping[str, Any], outcomes: Sequence[Outcome]
+) -> Page:
     """The report of a trace."""
-    result = traced.to_json()
-    sensors = [_sensor(one, result["sensors"][one.sensor], traced) for one in traced.outcomes]
-    span_s = float(np.ptp(traced.data.elapsed_s))
-    return Page(
-        "rig.procedures.attitude", "report.html.j2", traced.table, span_s, result["unused"], {"sensors": sensors}
-    )
+    sensors = [
+        _sensor(one, result["sensors"][one.sensor], _picture(data, trace.sensors[one.sensor])) for one in outcomes
+    ]
+    span_s = float(np.ptp(data.elapsed_s))
+    return Page("rig.procedures.attitude", "report.html.j2", table, span_s, result["unused"], {"sensors": sensors})
 
 
-def _sensor(outcome: Outcome, result: dict[str, Any], traced: AttitudeTraced) -> dict[str, Any]:
+def _sensor(outcome: Outcome, result: Mapping[str, Any], picture: Picture) -> dict[str, Any]:
     name = outcome.sensor
     return {
         **result,
@@ -126,17 +130,15 @@ def _sensor(outcome: Outcome, result: dict[str, Any], traced: AttitudeTraced) ->
         "parameters": [
             {"name": one.label, "before": _text(one.before), "after": _text(one.after)} for one in outcome.parameters
         ],
-        "at_words": traced.at_words(name),
         "no_direction": NO_DIRECTION if "mx_V" in {one.name for one in outcome.parameters} else "",
         **effects_part(result, drawn(outcome.figures)),
         "little_help": little_help(result),
         "notes": result.get("notes", []),
-        "plots": _plots(name, _picture(traced, name)),
+        "plots": _plots(name, picture),
     }
 
 
-def _picture(traced: AttitudeTraced, name: str) -> Picture:
-    data, found = traced.data, traced.trace.sensors[name]
+def _picture(data: AttitudeData, found: SensorTrace) -> Picture:
     to_deg = np.degrees(1.0 / found.S_V)
     return Picture(
         pitch_deg=data.pitch_deg,

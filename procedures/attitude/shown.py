@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
@@ -19,7 +19,7 @@ from rig.procedures.present.words import TESTS, significant, verdict_of
 
 if TYPE_CHECKING:
     from rig.fitter.trace.outcome import Outcome
-    from rig.procedures.attitude.evaluate import AttitudeTraced
+    from rig.procedures.tables.table import Table
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> Iterator[Block]:
@@ -99,20 +99,20 @@ def _show_parameters_of(heading: str, parameters: Mapping[str, Any]) -> Iterator
         yield Line(f"  {NO_DIRECTION}")
 
 
-def show_attitude_trace(traced: AttitudeTraced) -> Iterator[Block]:
+def show_attitude_trace(table: Table, result: Mapping[str, Any], outcomes: Sequence[Outcome]) -> Iterator[Block]:
     """A short table per sensor: error before and after, and the effects found."""
-    result, outcomes = traced.to_json(), {one.sensor: one for one in traced.outcomes}
-    yield headline(result["data"]["file"], traced.table)
-    for name, sensor in result["sensors"].items():
+    yield headline(result["data"]["file"], table)
+    for outcome in outcomes:
+        name, sensor = outcome.sensor, result["sensors"][outcome.sensor]
         yield Line(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{escape(verdict_of(sensor))}[/]", wrapped=True)
-        rows = [row for row in compared(outcomes[name]) if not row.in_reports]
-        table = Grid(("", "before", "after"))
+        rows = [row for row in compared(outcome) if not row.in_reports]
+        grid = Grid(("", "before", "after"))
         for row in rows:
-            table.add_row(row.label, *map(_cell, (row.before, row.after), row.above))
-        yield table
+            grid.add_row(row.label, *map(_cell, (row.before, row.after), row.above))
+        yield grid
         if any(any(row.above) for row in rows):
             yield Line("  * above its 95 % limit", wrapped=True)
-        yield from _show_parameters(outcomes[name])
+        yield from _show_parameters(outcome)
         yield from _say(sensor["depends_on"])
         for effect in sensor["effects"]:
             yield from show_effect(effect)

@@ -17,6 +17,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.evaluate.certificate import Change, Errors, certified, with_words
 from rig.procedures.evaluate.results import Page
 from rig.procedures.general.column_roles import Roles, parts_played, read_roles, used_columns, with_response
+from rig.procedures.general.shown import show_general_trace
 from rig.procedures.general.trace import FoundTableEffect, TableTrace, trace_general
 from rig.procedures.present.blocks import Block
 from rig.procedures.present.numbers import interval_text
@@ -61,9 +62,7 @@ class GeneralTraced:
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from rig.procedures.general.shown import show_general_trace  # noqa: PLC0415
-
-        return show_general_trace(self)
+        return show_general_trace(self.to_json(), self.outcome)
 
     def summary(self) -> Iterator[Block]:
         """All of it: there is one response."""
@@ -73,7 +72,8 @@ class GeneralTraced:
         """Its report."""
         from rig.procedures.general.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
-        return trace_page((self,), self.to_json()["unused"])
+        told = self.to_json()
+        return trace_page(self.table, told, {self.outcome.sensor: (self.trace, self.outcome)})
 
     @cached_property
     def outcome(self) -> Outcome:

@@ -25,6 +25,7 @@ from rig.procedures.general.declared import Declared, Model, model_of
 from rig.procedures.general.infer import CurveCalibration, Factored
 from rig.procedures.general.iso376 import figures, rising
 from rig.procedures.general.judged import derived_table, judged_fit, predicted_at, prediction_table, within_tolerance
+from rig.procedures.general.shown import show_general_fit
 from rig.procedures.present.blocks import Block
 from rig.procedures.tables.file_rows import rows_of_file
 from rig.procedures.tables.table import Reader, Table
@@ -291,6 +292,4 @@ class GeneralFitted(PlainFitted):
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from rig.procedures.general.shown import show_general_fit  # noqa: PLC0415
-
         return show_general_fit(self.result["data"]["file"], self.result)

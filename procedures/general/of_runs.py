@@ -20,6 +20,7 @@ from rig.procedures.general.declared import Declared
 from rig.procedures.general.evaluate import IGNORED, GeneralTraced, trace_general_table
 from rig.procedures.general.fit import fit_general
 from rig.procedures.general.model_settings import ModelSettings, SensorModel
+from rig.procedures.general.shown import show_general_fit
 from rig.procedures.present.blocks import Block, Line
 from rig.procedures.tables.table import Reader, Table
 from rig.procedures.tables.unused import RECORDED
@@ -142,7 +143,6 @@ class RunFitted(PlainFitted):
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from rig.procedures.general.shown import show_general_fit  # noqa: PLC0415
 
         for one in results_of(self.result).values():
             yield from show_general_fit(self.result["data"]["file"], one)
@@ -242,7 +242,8 @@ class RunTraced:
         from rig.procedures.general.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
         common = [one.sentence for one in self.common]
-        return trace_page(tuple(self.each.values()), self.to_json()["unused"], self.not_traced, common)
+        each = {one.outcome.sensor: (one.trace, one.outcome) for one in self.each.values()}
+        return trace_page(self.table, self.to_json(), each, self.not_traced, common)
 
 
 def _unused_by_all(every: Sequence[Mapping[str, Any]], outputs: Collection[str]) -> dict[str, Any]:

@@ -18,7 +18,9 @@ from rig.procedures.present.effects_report import effects_part
 from rig.procedures.present.pictures import BEFORE_AFTER, dress, side_by_side
 
 if TYPE_CHECKING:
-    from rig.procedures.general.evaluate import GeneralTraced
+    from rig.fitter.trace.outcome import Outcome
+    from rig.procedures.general.trace import TableTrace
+    from rig.procedures.tables.table import Table
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -82,32 +84,34 @@ _PLOTS = 6
 
 
 def trace_page(
-    every: Sequence[GeneralTraced],
-    unused: Mapping[str, Any],
+    table: Table,
+    told: Mapping[str, Any],
+    each: Mapping[str, tuple[TableTrace, Outcome]],
     not_traced: Sequence[str] = (),
     common: Sequence[str] = (),
 ) -> Page:
     """The report of traces of one table: of one response, or of every sensor of a run.
 
     Args:
-        every: one trace per response, of the same table.
-        unused: columns that none of them used, from `Unused.to_json`.
+        table: source of the data.
+        told: JSON values of the result.
+        each: trace and outcome of every response.
         not_traced: outputs of the run whose declared model no trace can use.
         common: sentences about effects that all sensors share.
     """
-    contents = {"sensors": [_sensor(one) for one in every], "not_traced": list(not_traced), "common": list(common)}
-    return Page("rig.procedures.general", "report.html.j2", every[0].table, 0.0, unused, contents)
+    sensors = [_sensor(name, told["sensors"][name], *one) for name, one in each.items()]
+    contents = {"sensors": sensors, "not_traced": list(not_traced), "common": list(common)}
+    return Page("rig.procedures.general", "report.html.j2", table, 0.0, told["unused"], contents)
 
 
-def _sensor(traced: GeneralTraced) -> dict[str, Any]:
+def _sensor(name: str, found: Mapping[str, Any], trace: TableTrace, outcome: Outcome) -> dict[str, Any]:
     """One response: findings, error before and after, residuals, coefficients."""
-    ((name, found),) = traced.to_json()["sensors"].items()
     return {
         **found,
         "name": name,
-        "rows": list(compared(traced.outcome)),
+        "rows": list(compared(outcome)),
         "s": effects_part(found, {}),
-        "plots": _plots(traced),
+        "plots": _plots(trace),
         "coefficients": [
             {"name": term, "both": with_error(value["estimate"], value["stderr"], least=6)}
             for term, value in found["fitted"]["coefficients"].items()
@@ -115,9 +119,8 @@ def _sensor(traced: GeneralTraced) -> dict[str, Any]:
     }
 
 
-def _plots(traced: GeneralTraced) -> list[dict[str, Any]]:
+def _plots(trace: TableTrace) -> list[dict[str, Any]]:
     """Residuals before and after, over each effect's own variable; over all variables without findings."""
-    trace = traced.trace
     wanted = dict.fromkeys(effect.against for effect in trace.added if effect.against in trace.variables)
     shown = list(wanted or trace.variables)[:_PLOTS]
     left = trace.before.fit.left, trace.after.fit.left

@@ -8,8 +8,8 @@ from typing import Any
 from rich.markup import escape
 
 from rig.fitter.rounding import with_error
+from rig.fitter.trace.outcome import Outcome
 from rig.procedures.evaluate.before_after import compared
-from rig.procedures.general.evaluate import GeneralTraced
 from rig.procedures.present.blocks import Block, Grid, Line, Paragraph
 from rig.procedures.present.effects_shown import show_certificate, show_effect, show_unnamed
 from rig.procedures.present.gross_shown import show_gross, show_left_out
@@ -21,9 +21,8 @@ _MOST_CORRELATED = 6
 """Coefficients at most whose correlations are shown; the JSON has them of all."""
 
 
-def show_general_trace(traced: GeneralTraced) -> Iterator[Block]:
+def show_general_trace(result: Mapping[str, Any], outcome: Outcome) -> Iterator[Block]:
     """Error before and after, the effects found, the remainder, and the roles of columns."""
-    result = traced.to_json()
     yield Line(f"[bold]{escape(result['data']['file'])}[/]: {result['data']['points']} rows")
     for name, found in result["sensors"].items():
         yield Line(
@@ -31,7 +30,7 @@ def show_general_trace(traced: GeneralTraced) -> Iterator[Block]:
             wrapped=True,
         )
         table = Grid(("", "before", "after"))
-        for row in compared(traced.outcome):
+        for row in compared(outcome):
             table.add_row(row.label, row.before, row.after)
         yield table
         for effect in found["effects"]:

@@ -7,8 +7,9 @@ import numpy as np
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.acceptance import Verdict, gross_words
 from rig.procedures.pressure.declared import ACCEPTED_BY
-from rig.procedures.pressure.fitted import fit_whole_plots, largest_words
+from rig.procedures.pressure.fitted import fit_whole_plots
 from rig.procedures.pressure.settings import WholePlotProcedure
+from rig.procedures.pressure.words import largest_words
 from rig.procedures.tables.table import Table
 
 

@@ -22,6 +22,11 @@ from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.effects.scene import PressureEffect
 from rig.procedures.pressure.figures import effect_figures
 from rig.procedures.pressure.fitted import Declared, alive, fit_whole_plots
+from rig.procedures.pressure.shown import (
+    show_whole_plot_findings,
+    show_whole_plot_summary,
+    show_whole_plot_trace,
+)
 from rig.procedures.pressure.table import KNOWN, UNIT
 from rig.procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace, trace_whole_plots
 from rig.procedures.tables.file_rows import rows_of_file
@@ -56,22 +61,18 @@ class WholePlotTraced:
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from rig.procedures.pressure.shown import show_whole_plot_trace  # noqa: PLC0415 - which needs this class
-
-        return show_whole_plot_trace(self)
+        return show_whole_plot_trace(self.table, self.to_json(), self.outcomes)
 
     def summary(self) -> Iterator[Block]:
         """Errors in use by method, and one or two sentences per transducer."""
-        from rig.procedures.pressure.shown import show_whole_plot_findings, show_whole_plot_summary  # noqa: PLC0415
-
         yield from show_whole_plot_summary(fit_whole_plots(self.table).to_json())
-        yield from show_whole_plot_findings(self)
+        yield from show_whole_plot_findings(self.to_json())
 
     def page(self) -> Page:
         """Its report."""
         from rig.procedures.pressure.report import trace_page  # noqa: PLC0415 - plots take a second to import
 
-        return trace_page(self)
+        return trace_page(self.table, self.data, self.trace, self.to_json(), self.outcomes)
 
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:

@@ -18,7 +18,9 @@ from rig.procedures.pressure.fit import PressureFit, fit_transducers, named_form
 from rig.procedures.pressure.fit.methods import METHOD
 from rig.procedures.pressure.fit.models import ONE_TEMPERATURE, coefficient_unit, usual
 from rig.procedures.pressure.gross import of_whole_plots
+from rig.procedures.pressure.shown import show_whole_plot_fit
 from rig.procedures.pressure.table import KNOWN, UNIT, whole_plot_data
+from rig.procedures.pressure.words import HOLD_AT
 from rig.procedures.tables.file_rows import rows_of_file
 from rig.procedures.tables.unused import unused_in_fit
 
@@ -126,8 +128,6 @@ class WholePlotFitted:
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        from rig.procedures.pressure.shown import show_whole_plot_fit  # noqa: PLC0415 - which needs this module
-
         yield headline(PurePath(self.table.source).name, self.table)
         yield from show_whole_plot_fit(self.to_json())
 
@@ -135,7 +135,7 @@ class WholePlotFitted:
         """Its report: the paper's methods side by side."""
         from rig.procedures.pressure.methods_report import fit_page  # noqa: PLC0415 - plots take a second to import
 
-        return fit_page(self)
+        return fit_page(self.table, self.data, self.fits, self.method, self.to_json())
 
     def gross(self, name: str) -> dict[str, Any]:
         """The gross errors of a transducer as JSON values."""
@@ -219,55 +219,3 @@ def with_units(sensor: dict[str, Any]) -> dict[str, Any]:
         for term, value in table.items():
             value["unit"] = coefficient_unit(term)
     return sensor
-
-
-def errors_in_words(sensor: Mapping[str, Any]) -> str:
-    """Sentence about the errors of a reading, with growth with pressure."""
-    errors = sensor["errors"]
-    s_0, growth = errors["subplot_variance"] ** 0.5, errors["growth_per_psia"]
-    between = f"{errors['wholeplot_variance'] ** 0.5:.3g} mV between whole plots"
-    if growth == 0.0:
-        return f"errors: {s_0:.3g} mV within whole plots, {between}"
-    return f"errors: {s_0:.3g} mV + {s_0 * growth:.3g} mV/psi x P within whole plots, {between}"
-
-
-HOLD_AT = "coefficients are of P in psia and temperatures in degC as measured: each holds where the others are zero"
-LOW_PSIA = 0.12
-"""Pressure at which the paper compares its methods."""
-
-
-def low_pressure(result: Mapping[str, Any]) -> tuple[int, float]:
-    """Index and value of a fit's pressure nearest to the comparison pressure of methods."""
-    sensor = next(iter(result["sensors"].values()))
-    pressures = next(iter(sensor["methods"].values()))["reading_error"]["pressure_psia"]
-    low = min((p for p in pressures if p > 0), key=lambda p: abs(p - LOW_PSIA))
-    return pressures.index(low), low
-
-
-IN_USE = (
-    "in use: readings predicted by other whole plots, or with in-flight zero by one zero reading of their own, whose "
-    "error counts; ± is the 95 % interval of one reading, ? where no reading can be compared with a prediction"
-)
-
-
-def in_use_words(fitted: Mapping[str, Any], at: int) -> str:
-    """A method's largest error in use at one pressure, and the 95 % interval of a reading there: "3.3±2.9"."""
-    largest, half = fitted["in_use"]["max_pct"][at], fitted["in_use"]["half95_pct"][at]
-    if half is None:
-        return "-"
-    return f"{'?' if largest is None else f'{largest:.3g}'}±{half:.2g}"
-
-
-def largest_words(fitted: Mapping[str, Any], at: int) -> str:
-    """A method's largest error in use at one pressure in a clause, with its probable range."""
-    use = fitted["in_use"]
-    largest, half = use["max_pct"][at], use["half95_pct"][at]
-    if half is None:
-        return "unknown in use"
-    if largest is None:
-        return f"not measured in use, because there is no other reading as zero; 95 % of readings within ±{half:.2g} %"
-    low, high = use["max_by_chance_pct"][at]
-    return (
-        f"{largest:.3g} % in use, the largest of {use['count'][at]} (by chance {low:.2g} to {high:.2g} %; 95 % of "
-        f"readings within ±{half:.2g} %)"
-    )

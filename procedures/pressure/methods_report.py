@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,12 +12,13 @@ from rig.procedures.evaluate.results import Page
 from rig.procedures.present.numbers import number
 from rig.procedures.present.pictures import grid
 from rig.procedures.pressure.fit import METHODS, PressureFit
-from rig.procedures.pressure.fitted import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
+from rig.procedures.pressure.words import HOLD_AT, IN_USE, errors_in_words, in_use_words, low_pressure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from rig.procedures.pressure.fitted import WholePlotFitted
+    from rig.procedures.pressure.data import WholePlotData
+    from rig.procedures.tables.table import Table
 
 _MEASURES = (
     ("max_pct", "Largest residual / % (no error in use where a method fits whole plots as they come)"),
@@ -26,28 +28,28 @@ _MEASURES = (
 )
 
 
-def fit_page(fitted: WholePlotFitted) -> Page:
+def fit_page(
+    table: Table, data: WholePlotData, fits: Mapping[str, PressureFit], method: str, result: Mapping[str, Any]
+) -> Page:
     """The report of a fit."""
-    result = fitted.to_json()
     at, low = low_pressure(result)
     methods = [m for m in METHODS if all(m in sensor["methods"] for sensor in result["sensors"].values())]
     contents = {
-        "whole_plots": len(fitted.data.whole_plots),
-        "method": fitted.method,
+        "whole_plots": len(data.whole_plots),
+        "method": method,
         "low": f"{low:.3g}",
         "summary": [
             {"name": name, "values": [in_use_words(sensor["methods"][m], at) for m in methods]}
             for name, sensor in result["sensors"].items()
         ],
         "methods": methods,
-        "sensors": [_transducer(name, result["sensors"][name], fitted) for name in fitted.fits],
+        "sensors": [_transducer(name, result["sensors"][name], fit, method) for name, fit in fits.items()],
     }
-    span_s = float(np.ptp(fitted.data.elapsed_s))
-    return Page("rig.procedures.pressure", "methods.html.j2", fitted.table, span_s, result["unused"], contents)
+    span_s = float(np.ptp(data.elapsed_s))
+    return Page("rig.procedures.pressure", "methods.html.j2", table, span_s, result["unused"], contents)
 
 
-def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> dict[str, Any]:
-    fit = fitted.fits[name]
+def _transducer(name: str, result: Mapping[str, Any], fit: PressureFit, method: str) -> dict[str, Any]:
     methods = result["methods"]
     pressures = next(iter(methods.values()))["reading_error"]["pressure_psia"]
     return {
@@ -91,7 +93,7 @@ def _transducer(name: str, result: dict[str, Any], fitted: WholePlotFitted) -> d
                 "vif": number(result["variance_inflation"].get(term)),
                 "unit": value["unit"],
             }
-            for term, value in methods[fitted.method]["coefficients"].items()
+            for term, value in methods[method]["coefficients"].items()
         ],
         "plot": {"alt": f"{name}: reading error over pressure by every method", "figure": methods_plot(fit)},
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,8 @@ from rig.procedures.present.pictures import BEFORE_AFTER, colour_scale, dress, s
 from rig.procedures.pressure.data import WholePlotData
 
 if TYPE_CHECKING:
-    from rig.procedures.pressure.evaluate import WholePlotTraced
+    from rig.procedures.pressure.trace import TransducerTrace, WholePlotTrace
+    from rig.procedures.tables.table import Table
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -99,21 +101,25 @@ def _less_means(data: WholePlotData, side: Array) -> Array:
     return np.asarray(side - (np.bincount(index, side) / np.bincount(index))[index])
 
 
-def trace_page(traced: WholePlotTraced) -> Page:
+def trace_page(
+    table: Table, data: WholePlotData, trace: WholePlotTrace, result: Mapping[str, Any], outcomes: Sequence[Outcome]
+) -> Page:
     """The report of a trace."""
-    result = traced.to_json()
     contents = {
-        "whole_plots": len(traced.data.whole_plots),
-        "sensors": [_transducer(one, result["sensors"][one.sensor], traced) for one in traced.outcomes],
+        "whole_plots": len(data.whole_plots),
+        "sensors": [
+            _transducer(one, result["sensors"][one.sensor], data, trace.sensors[one.sensor]) for one in outcomes
+        ],
     }
-    span_s = float(np.ptp(traced.data.elapsed_s))
-    return Page("rig.procedures.pressure", "report.html.j2", traced.table, span_s, result["unused"], contents)
+    span_s = float(np.ptp(data.elapsed_s))
+    return Page("rig.procedures.pressure", "report.html.j2", table, span_s, result["unused"], contents)
 
 
-def _transducer(outcome: Outcome, result: dict[str, Any], traced: WholePlotTraced) -> dict[str, Any]:
+def _transducer(
+    outcome: Outcome, result: Mapping[str, Any], data: WholePlotData, found: TransducerTrace
+) -> dict[str, Any]:
     name, rows = outcome.sensor, list(compared(outcome))
-    found = traced.trace.sensors[name]
-    residuals = Residuals(traced.data, found.before.residual_mV, found.after.residual_mV, found.sensitivity)
+    residuals = Residuals(data, found.before.residual_mV, found.after.residual_mV, found.sensitivity)
     return {
         **result,
         "name": name,

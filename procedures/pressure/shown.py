@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
@@ -14,11 +14,11 @@ from rig.procedures.present.effects_shown import show_certificate, show_effect, 
 from rig.procedures.present.gross_shown import show_gross, show_left_out
 from rig.procedures.present.numbers import number
 from rig.procedures.present.words import verdict_of
-from rig.procedures.pressure.fitted import IN_USE, errors_in_words, in_use_words, low_pressure
+from rig.procedures.pressure.words import IN_USE, errors_in_words, in_use_words, low_pressure
 
 if TYPE_CHECKING:
     from rig.fitter.trace.outcome import Outcome
-    from rig.procedures.pressure.evaluate import WholePlotTraced
+    from rig.procedures.tables.table import Table
 
 _MEASURES = (
     ("in_use", "max_pct", "largest reading error in use / %"),
@@ -113,9 +113,9 @@ def _kept(sensor: Mapping[str, Any]) -> Grid:
     return table
 
 
-def show_whole_plot_findings(traced: WholePlotTraced) -> Iterator[Block]:
+def show_whole_plot_findings(result: Mapping[str, Any]) -> Iterator[Block]:
     """One or two lines per transducer: findings, in words."""
-    for name, sensor in traced.to_json()["sensors"].items():
+    for name, sensor in result["sensors"].items():
         yield Line(f"[bold]{sensor['verdict']}[/]  {escape(sensor['sentence'])}", wrapped=True)
         for effect in sensor["effects"]:
             if effect["aliases"]:
@@ -128,18 +128,18 @@ def show_whole_plot_findings(traced: WholePlotTraced) -> Iterator[Block]:
                 yield Line(f"  [yellow]{name}: {escape(note)}[/]")
 
 
-def show_whole_plot_trace(traced: WholePlotTraced) -> Iterator[Block]:
+def show_whole_plot_trace(table: Table, result: Mapping[str, Any], outcomes: Sequence[Outcome]) -> Iterator[Block]:
     """A short table per transducer: error before and after, and the effects found."""
-    result, outcomes = traced.to_json(), {one.sensor: one for one in traced.outcomes}
-    yield headline(result["data"]["file"], traced.table)
+    yield headline(result["data"]["file"], table)
     yield Line(escape(result["data"]["model"]["sentence"]))
     yield from _show_dead(result)
-    for name, sensor in result["sensors"].items():
+    for outcome in outcomes:
+        name, sensor = outcome.sensor, result["sensors"][outcome.sensor]
         yield Line(
             f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{escape(verdict_of(sensor))}[/]",
             wrapped=True,
         )
-        yield _before_after(outcomes[name])
+        yield _before_after(outcome)
         for effect in sensor["effects"]:
             yield from show_effect(effect)
         yield from show_unnamed(sensor)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rig.sims.faults.fault import Kind, Option, Over, Striking
+from rig.sims.fault import Kind, Option, Over, Striking
 
 
 def _step(striking: Striking) -> Over:

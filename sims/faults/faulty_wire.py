@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 from math import inf
 
-from rig.sims.faults.fault import Fault
+from rig.sims.fault import Fault
 from rig.sims.world import World
 
 Deliver = Callable[[bytes], None]

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-from rig.sims.faults.fault import Kind, Option, Over, Striking
+from rig.sims.fault import Kind, Option, Over, Striking
 from rig.sims.faults.reading_faults import OPEN_CIRCUIT
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from rig.sims.fault import Kind
 from rig.sims.faults.clock_faults import OF_THE_BENCH
-from rig.sims.faults.fault import Kind
 from rig.sims.faults.instrument_faults import ALARM, DOOR, ERROR_QUEUE, OF_HEADS, POWER, SUPPLY
 from rig.sims.faults.reading_faults import OF_READINGS
 from rig.sims.faults.wire_faults import OF_WIRES

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import copysign, inf
 
-from rig.sims.faults.fault import Kind, Option, Over, Striking
+from rig.sims.fault import Kind, Option, Over, Striking
 from rig.sims.inputs import Inputs, Tamper
 from rig.sims.noise import event_at, normal
 

@@ -8,7 +8,7 @@ from functools import partial
 from math import inf, isfinite
 from typing import NamedTuple, Protocol
 
-from rig.sims.faults.fault import Fault, Striking
+from rig.sims.fault import Fault, Striking
 from rig.sims.faults.faulty_wire import FaultyWire
 from rig.sims.noise import event_at, uniform
 from rig.sims.physics import Plant

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rig.sims.faults.fault import Kind, Option
+from rig.sims.fault import Kind, Option
 
 ANY_WIRE = ("serial", "modbus", "can")
 _DELAY = Option(3.0, "s", "how late; what the instrument sends meanwhile waits behind it", low=0.0)

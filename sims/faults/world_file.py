@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from math import inf, isnan
 from typing import Any
 
-from rig.sims.faults.fault import WHEN, Fault, Kind, Option
+from rig.sims.fault import WHEN, Fault, Kind, Option
 from rig.sims.faults.known_kinds import kinds_of, kinds_on
 from rig.sims.physics.fields import WorldError, known_keys
 from rig.sims.twin import TwinClass

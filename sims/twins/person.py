@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from rig.sims.faults.fault import Kind
+from rig.sims.fault import Kind
 from rig.sims.twin import Medium, Role
 from rig.sims.world import World
 
