@@ -168,27 +168,27 @@ class PressureEvaluation(EvaluationBySensor):
 
     @property
     def each(self) -> Sequence[Transducer]:
-        """See `EvaluationBySensor`."""
+        """The sensors, in the order of the results."""
         return self._each
 
     def described(self, sensor: str) -> str:
-        """See `Evaluation`."""
+        """How a sensor's output follows from its coefficients, a sentence; "" if it is not said."""
         return (
             "Output in mV: the sum of all coefficients, each times its term, with the pressure P in psia and the "
             "temperatures T_sensor and T_SSE in degC"
         )
 
     def charted(self, sensor: str) -> tuple[str, FloatArray]:
-        """See `Evaluation`."""
+        """Unit of a sensor's errors in its control chart, and (p,) its output at the points per such a unit."""
         return "psi", next(one.slope for one in self._each if one.name == sensor)
 
     def notes(self) -> Iterable[str]:
-        """See `Evaluation`."""
+        """Sentences about the scatter."""
         return (in_words(one.name, one.sides[1]) for one in self._each if one.sides[1].p < DIFFER)
 
     @cached_property
     def columns(self) -> Columns:
-        """See `Evaluation`."""
+        """The recorded columns that it uses, corrected."""
         d = self._data
         return {
             PRESSURE: d.pressure_psia,
@@ -199,7 +199,7 @@ class PressureEvaluation(EvaluationBySensor):
 
     @cached_property
     def settings(self) -> Mapping[str, IntArray]:
-        """See `Evaluation`."""
+        """(n,) number of the setting of each observation, from 0, by the column of a factor; "" for points of all."""
         number = {}
         for short, column in NAMES.items():
             number[column] = np.asarray(np.unique(self._data.nominal[short], return_inverse=True)[1], np.int64)
@@ -209,11 +209,11 @@ class PressureEvaluation(EvaluationBySensor):
 
     @cached_property
     def replication(self) -> IntArray:
-        """See `Evaluation`."""
+        """(n,) number of the replication of each observation, from 0."""
         return np.asarray(np.unique(self._data.replicate, return_inverse=True)[1], np.int64)
 
     def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
-        """See `Evaluation`."""
+        """(k,) coefficients of the calibration by sensor, with additions to columns."""
         shared = {name: moved for name, moved in columns.items() if name in NAMES.values()}
         found = {}
         for one in self._each:

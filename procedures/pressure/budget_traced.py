@@ -87,7 +87,7 @@ class TracedEvaluation(PressureEvaluation):
         return moved if own.name in self._concerned[name] else np.zeros_like(moved)
 
     def model_errors(self) -> Iterator[TypeA]:
-        """See `Evaluation`."""
+        """Differences between models that the run cannot separate, as covariances of the results."""
         by_named: dict[str, list[tuple[str, FloatArray]]] = {}
         for named, member, moved in self._moved:
             if moved is not None:
@@ -98,7 +98,7 @@ class TracedEvaluation(PressureEvaluation):
             yield TypeA(np.diag(np.concatenate(left) ** 2), np.inf, f"model: {name}", "trace of the run", "B")
 
     def notes(self) -> Iterable[str]:
-        """See `Evaluation`."""
+        """Sentences about the scatter."""
         yield from super().notes()
         for name, terms in self._terms.items():
             if terms:

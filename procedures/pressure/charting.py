@@ -98,10 +98,10 @@ def _within(fits: Sequence[SplitPlotFit], direction: FloatArray) -> tuple[float,
 
 
 class PressureCharting(Charting):
-    """See `rig.procedures.evaluate.charting.Charting`."""
+    """Control charts of pressure transducers."""
 
     def of_table(self, table: Table, formula: str | None) -> Calibrations:
-        """See `Charting`."""
+        """Calibrate every sensor of a table."""
         fits = fit_whole_plots(table, formula).fits
         return Calibrations(fits, dict.fromkeys(fits, ()), table.simulated, table.provenance)
 

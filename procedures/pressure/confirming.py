@@ -1,4 +1,4 @@
-"""A traced whole-plot run as the first of two. See `rig.procedures.evaluate.confirming.Confirming`."""
+"""A traced whole-plot run as the first of two. A traced run of whole plots, as the first of two."""
 
 from __future__ import annotations
 
@@ -47,24 +47,26 @@ class WholePlotConfirming(Confirming):
     )
 
     def own_words(self, *, realigned: bool) -> str:
-        """See `Confirming`."""
+        """Parameters estimated from the further run itself for its prediction, in words; "" if there are none."""
         return "an offset of each whole plot is taken out, as by a zero in flight"
 
     def later(self, table: Table) -> WholePlotData:
-        """See `Confirming`."""
+        """Observations of a later run."""
         return whole_plot_data(table)
 
     def beside(self, later: WholePlotData, after_s: float, done: Sequence[Done] = ()) -> WholePlotTogether:
-        """See `Confirming`."""
+        """This run, the earlier further ones, and a later one with changes by a person."""
         return WholePlotTogether.of(self.found, self.data, [*self.earlier, Later(later, after_s, done)])
 
     @property
     def catalogue(self) -> Sequence[Entry]:
-        """See `Confirming`."""
+        """Effects that the trace looked for."""
         return PRESSURE_CATALOGUE
 
     def whole(self, group: Sequence[Variation], times: int) -> Variation:
-        """See `Confirming`: every pair of temperatures twice in a replication."""
+        """The run of a group with all points that can be chosen, so many times each; None if points are not chosen:
+        every pair of temperatures twice in a replication.
+        """
         largest = max(group, key=lambda variation: len(set(variation.procedure.design.pairs())))
         design = largest.procedure.design
         pairs = 2 * sorted(set(design.pairs()))
@@ -74,7 +76,9 @@ class WholePlotConfirming(Confirming):
         return repeated(replace(largest, procedure=procedure), times)
 
     def units(self, run_list: RunList) -> IntArray:
-        """See `Confirming`: a visit to a pair of temperatures, in all replications."""
+        """(n,) number of the unit of each point of a run with all of them: units are chosen together: a visit to a pair
+        of temperatures, in all replications.
+        """
         at = [(p.replication, p.setpoints[1:], p.whole_plot) for p in run_list.points]
         numbers: dict[tuple[Any, ...], int] = {}
         for replication in sorted({key[0] for key in at}):
@@ -83,7 +87,7 @@ class WholePlotConfirming(Confirming):
         return np.array([numbers[key] for key in at], np.int64)
 
     def chosen(self, whole: Variation, units: Sequence[int]) -> Variation:
-        """See `Confirming`."""
+        """The run with these units only."""
         pairs = sorted(whole.procedure.design.pairs())
         design = whole.procedure.design.model_copy(update={"temperatures_degC": [pairs[unit] for unit in units]})
         return replace(whole, procedure=whole.procedure.model_copy(update={"design": design}))
@@ -96,24 +100,24 @@ class WholePlotConfirming(Confirming):
         return [self.beside(self._planned(run_list), later_s, done)]
 
     def hours(self, variation: Variation, run_list: RunList) -> float:
-        """See `Confirming`."""
+        """Bench time of a run, hours, from that of this run."""
         reading, soak = _whole_plot_s(self.data)
         return (len(run_list) * reading + run_list.whole_plots * soak) / 3600.0
 
     def size(self, procedure: WholePlotProcedure) -> str:
-        """See `Confirming`."""
+        """Points and replications, for a table."""
         design = procedure.design
         plots = len(design.pairs()) * procedure.replications
         return f"{plots} whole plots x {len(design.pressures_psia) + len(design.repeated_psia)} points"
 
     def separated_by(self, one: Entry, other: Entry) -> str:
-        """See `Confirming`."""
+        """The measurement that would separate two effects."""
         assert isinstance(one, PressureEffect)
         assert isinstance(other, PressureEffect)
         return separate_pressure(one, other)
 
     def variables(self) -> Mapping[str, tuple[str, float]]:
-        """See `Confirming`."""
+        """Fields of observations for plots of residuals: label and scale."""
         return {
             "sensor_temperature_degC": ("sensor temperature / degC", 1.0),
             "sse_temperature_degC": ("electronics temperature / degC", 1.0),

@@ -21,7 +21,7 @@ _LARGEST = 1e60
 def expected(
     calibration: Mapping[str, PressureCalibration], columns: Columns, mounting: Mapping[str, float]
 ) -> dict[str, Expected]:
-    """See `rig.procedures.plan.expected.Expecting`; transducers are calibrated in their mounting."""
+    """Expected readings of the sensors of a bench: transducers are calibrated in their mounting."""
     if any(name not in columns for name in _VARIABLES.values()):
         return {}
     return {name: _expected(one, columns) for name, one in calibration.items()}

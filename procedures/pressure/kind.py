@@ -56,27 +56,27 @@ class PressureKind(Kind):
 
     @property
     def settings(self) -> type[WholePlotProcedure]:
-        """See `Kind`."""
+        """The model of procedure files, whose instances are a `Procedure`; None if the kind has no runs on a bench."""
         from rig.procedures.pressure.settings import WholePlotProcedure  # noqa: PLC0415
 
         return WholePlotProcedure
 
     @property
     def bench_factors(self) -> tuple[str, ...]:
-        """See `Kind`."""
+        """Factors whose instrument a bench file may name."""
         from rig.procedures.pressure.settings import FACTORS  # noqa: PLC0415
 
         return FACTORS
 
     @cached_property
     def own_effects(self) -> Grammar:
-        """See `Kind`."""
+        """Grammar of a laboratory's own effects; None if they are not possible."""
         from rig.procedures.pressure.effects.own import GRAMMAR  # noqa: PLC0415
 
         return GRAMMAR
 
     def explained(self, topic: str) -> str:
-        """See `Kind`."""
+        """Markdown for `rig explain effects` (its catalogue) and `rig explain models`; "" for none."""
         from rig.procedures.pressure.effects.catalogue import catalogue  # noqa: PLC0415
 
         return catalogue() if topic == "effects" else ""
@@ -95,13 +95,13 @@ class PressureKind(Kind):
         return fit_whole_plots(source.table, options.formula, leave_out=leave_out, **given)
 
     def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
-        """See `Kind`."""
+        """Find effects missing in the declared model; arguments and errors as for `fit`."""
         from rig.procedures.pressure.evaluate import trace_whole_plot_table  # noqa: PLC0415
 
         return trace_whole_plot_table(source.table, options.formula, own, validate=not options.quick)
 
     def calibration_of(self, given: Mapping[str, Any]) -> Mapping[str, PressureCalibration]:
-        """See `Kind`."""
+        """The calibration from the JSON of `rig fit --out`."""
         from rig.procedures.pressure.fit import PressureCalibration  # noqa: PLC0415
 
         return {n: PressureCalibration.from_dict(one["calibration"]) for n, one in given["sensors"].items()}
@@ -125,13 +125,13 @@ class PressureKind(Kind):
         return infer_pressures(calibration, read, zero, meaning)
 
     def confirming(self, traced: WholePlotTraced) -> Confirming:
-        """See `Kind`."""
+        """A run that it traced, as the first of two; None if no further run is possible."""
         from rig.procedures.pressure.confirming import WholePlotConfirming  # noqa: PLC0415
 
         return WholePlotConfirming(traced)
 
     def expected(self, procedure: WholePlotProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
-        """See `Kind`."""
+        """A run as it is planned, for a forecast of total uncertainties."""
         from rig.procedures.pressure.planned import expected_run  # noqa: PLC0415
 
         return expected_run(procedure, run_list, sensors)
@@ -139,7 +139,9 @@ class PressureKind(Kind):
     def with_coefficients(
         self, calibration: Mapping[str, PressureCalibration], coefficients: Mapping[str, FloatArray]
     ) -> Mapping[str, PressureCalibration]:
-        """See `Kind`."""
+        """A calibration from `calibration_of` with other coefficients (k,) by sensor, as `Evaluation.coefficients`
+        gives them.
+        """
         return {
             name: replace(one, coefficients=coefficients[name]) if name in coefficients else one
             for name, one in calibration.items()
@@ -154,7 +156,7 @@ class PressureKind(Kind):
 
     @property
     def budget_options(self) -> type[BudgetOptions]:
-        """See `Kind`."""
+        """Options of `rig budget` for this kind only."""
         return BudgetOptions
 
     def evaluation(
@@ -166,25 +168,25 @@ class PressureKind(Kind):
         return pressure_evaluation(table, options.formula, at, traced=options.traced)
 
     def charting(self) -> Charting:
-        """See `Kind`."""
+        """Control charts of its sensors."""
         from rig.procedures.pressure.charting import CHARTING  # noqa: PLC0415
 
         return CHARTING
 
     def expecting(self, calibration: Mapping[str, PressureCalibration]) -> Expecting:
-        """See `Kind`."""
+        """Expected readings of the sensors of a bench by a calibration from `calibration_of`."""
         from rig.procedures.pressure.expected import expected  # noqa: PLC0415
 
         return partial(expected, calibration)
 
     def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
-        """See `Kind`."""
+        """Columns of the declared model of the outputs, for residuals of a running run."""
         from rig.procedures.pressure.expected import model_columns  # noqa: PLC0415
 
         return model_columns(columns)
 
     def unused(self, table: Table) -> Unused:
-        """See `Kind`."""
+        """Columns of a table that fits and traces do not use."""
         from rig.procedures.pressure.table import KNOWN, UNIT  # noqa: PLC0415
 
         return unused_in_fit(table, KNOWN, UNIT)
@@ -205,13 +207,13 @@ class PressureKind(Kind):
             raise FitError(f"{error}; or plan a smaller model ([model] formula)") from error
 
     def judge(self, procedure: WholePlotProcedure, table: Table) -> Sequence[Verdict]:
-        """See `Kind`."""
+        """Every sensor of a complete run compared with the procedure's limit; none without one."""
         from rig.procedures.pressure.acceptance import judge  # noqa: PLC0415
 
         return judge(procedure, table)
 
     def further_runs(self, procedure: WholePlotProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
-        """See `Kind`."""
+        """Runs to follow a procedure, grouped by what they change, each group from the smallest to the largest."""
         from rig.procedures.pressure.further_runs import further_runs  # noqa: PLC0415
 
         return further_runs(procedure)

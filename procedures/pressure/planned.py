@@ -108,7 +108,7 @@ _SEED = 20260115
 
 
 def expected_run(procedure: WholePlotProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
-    """See `Kind.expected`; the first transducer stands for all."""
+    """A run as it is planned, for a forecast: the first transducer stands for all."""
     expect = procedure.expect
     names = ("pressure_psia", "sensor_temperature_degC", "sse_temperature_degC")
     pressure, sensor, sse = (np.array(run_list.column(name), np.float64) for name in names)

@@ -145,7 +145,7 @@ class PressureSettle(Strict):
     timeout_s: Positive = Field(900.0, description="then the settling has failed")
 
     def judged(self) -> Settle:
-        """The same for the sequencer."""
+        """Judgement of a settled pressure for the sequencer."""
         return Settle(self.band_psia, self.dwell_s, self.drift_psia_per_s, self.timeout_s)
 
 

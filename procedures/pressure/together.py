@@ -23,7 +23,7 @@ from rig.procedures.pressure.trace.problem import raw_columns
 
 @dataclass(frozen=True, eq=False)
 class WholePlotTogether(Together):
-    """See `Together`.
+    """Runs of whole plots that are fitted together.
 
     Attributes:
         scene: of all observations; its references are those of the first run's trace.
@@ -50,7 +50,7 @@ class WholePlotTogether(Together):
 
     @property
     def df(self) -> int:
-        """See `Together`."""
+        """Degrees of freedom of the error's estimate."""
         return max(min(s.after.residual_mV.size - len(s.after.fit.names) for s in self.found.sensors.values()), 1)
 
     @property
@@ -116,7 +116,9 @@ class WholePlotTogether(Together):
         return raw_columns(self.scene, self.sensors, terms)
 
     def shapes(self, *, lasting: bool) -> Iterator[tuple[str, FloatArray]]:
-        """See `Together`: the places inside whole plots where a trace looks for shapes without a name."""
+        """(S, n, m) smooth unweighted columns over what was recorded in the later run, each place after its name: the
+        places inside whole plots where a trace looks for shapes without a name.
+        """
         for place in places_of(self.scene):
             if place.level != "subplot" or (lasting and not place.block.place.startswith("over the pressure")):
                 continue
@@ -126,6 +128,6 @@ class WholePlotTogether(Together):
                 yield place.block.place, raw
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
-        """See `Together`."""
+        """These runs with some of the observations only."""
         part = replace(self.scene, data=self.data.take(np.flatnonzero(rows)))
         return replace(self, scene=part, run=self.run[rows], done=tuple(one.at(rows) for one in self.done))

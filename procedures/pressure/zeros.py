@@ -73,7 +73,7 @@ class Zeros:
         }
 
     def sentences(self, output: str, departures: Sequence[Departure]) -> list[str]:
-        """The same in words."""
+        """Sentences about these zeros."""
         found = []
         for zero, off in zip(self.zeros, departures, strict=True):
             at = f"{zero.pressure_psia:.4g} psia"

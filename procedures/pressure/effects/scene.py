@@ -295,7 +295,7 @@ class PressureEffect(Entry):
 
     @property
     def by_hand(self) -> tuple[ByHand, ...]:
-        """See `Entry`; nothing is known of a laboratory's own effects."""
+        """Influences of changes by a person, those of its family by default; none of a laboratory's own effects."""
         families = {} if self.own else FAMILIES
         return families.get(self.source, ()) if self.manual_changes is None else self.manual_changes
 
@@ -311,6 +311,6 @@ def settling(tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
 
 
 def fixed(*terms: tuple[str, Callable[[PressureScene], FloatArray]]) -> Callable[..., tuple[PressureTerm, ...]]:
-    """The same terms for all observations."""
+    """Terms that are equal for every run."""
     entries = tuple(PressureTerm(*term) for term in terms)
     return lambda _data: entries

@@ -159,7 +159,7 @@ def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
 
 
 def checked_run(path: Path, equipment: Path | None = None) -> Checked:
-    """The same, with all reasons against a budget at once; a register that cannot be read is an error here, too."""
+    """A run for a budget, with all reasons against one. Raises an error if its register cannot be read."""
     if not is_run(path):
         raise UsageError(f"{path} is no run file: a budget needs the bench of a run and its register of equipment")
     table = run_table(path)
@@ -290,7 +290,7 @@ def budget_of(
     shapes: Shapes = False,
     after_days: float | None = None,
 ) -> RunBudget:
-    """The same of a run that was read.
+    """Budget of a run that was read.
 
     Args:
         of: the run.

@@ -75,7 +75,7 @@ def infer(
 
 
 def once(read: Reader) -> Reader:
-    """The same table for the same columns, read once: a calibration with influences infers from it many times."""
+    """Reader that reads a table for the same columns once: a calibration with influences infers from it many times."""
     tables: dict[tuple[str, ...], Table] = {}
 
     def kept(needed: Collection[str]) -> Table:

@@ -163,7 +163,7 @@ def infer_from(
     same_meter: bool = False,
     mean_of: int | None = None,
 ) -> Inferred:
-    """The same with a calibration that has been read; arguments and errors as for `infer`."""
+    """Infer by a calibration that has been read; arguments and errors as for `infer`."""
     given = {name: value for name, value in options.items() if value is not None}
     chosen = options_of(file.kind, given, lambda kind: kind.infer_options, f"this calibration is of {file.kind.title}")
     reader = _reader(readings, asked)
