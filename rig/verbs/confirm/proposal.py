@@ -117,7 +117,7 @@ class Proposal:
 
     @property
     def worth(self) -> float:
-        """What the proposal is worth without questions that are unlikely to be settled."""
+        """Worth of the proposal without questions that are unlikely to be settled."""
         chances = [min(chance, SURE) for s in self.separations for chance in s.chances.values()]
         return sum(chance for chance in chances if chance >= LIKELY)
 
