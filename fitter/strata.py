@@ -49,7 +49,8 @@ class Strata:
         between: test of replications against the scatter inside them.
         correlation: of neighbours in time; 0 if it is not significant.
         sides: test of rising against falling series.
-        reversed: (k,) coefficients of the rising series less those of the falling ones; None if they do not differ.
+        reversed: (2, k) coefficients of the rising, and of the falling series, less those of the fit; None if they do
+            not differ.
         covariance: (k, k) of the coefficients, if replications do not differ.
         moved: (k, n) change of the coefficients for one unit of each row.
         left: (n,) residuals.
@@ -169,7 +170,9 @@ def _sizes(columns: FloatArray) -> FloatArray:
 def by_side(
     columns: FloatArray, basis: FloatArray, left: FloatArray, side: FloatArray
 ) -> tuple[FloatArray | None, FTest, FloatArray, FloatArray]:
-    """Difference of the coefficients between both sides, its test, residuals without it, and the basis with it.
+    """Coefficients of both sides beside those of the fit, their test, residuals without them, the basis with them.
+
+    Where a setting has more rows of one side, the fit is nearer to that side: it is not half-way between both.
 
     Args:
         columns: (n, k) of the fit.
@@ -178,8 +181,8 @@ def by_side(
         side: (n,) +1 of a rising series, -1 of a falling one, 0 unknown or without series.
 
     Returns:
-        (k,) coefficients of the rising series less those of the falling ones, None if they do not differ; the test;
-        (n,) residuals; (n, p + q) the basis.
+        (2, k) coefficients of the rising, and of the falling series, less those of the fit, None if they do not
+        differ; the test; (n,) residuals; (n, p + q) the basis.
     """
     nothing = (None, _NOTHING, left, basis)
     if not ((side > 0).any() and (side < 0).any()):
@@ -193,7 +196,14 @@ def by_side(
     test = FTest(float(np.sum((own.T @ left) ** 2)) / own.shape[1] / (below / df), own.shape[1], df)
     if not test.p < DIFFER:
         return None, test, left, basis
-    return reversed_by(columns, left, side, basis), test, rest, np.column_stack([basis, own])
+    differs, size = reversed_by(columns, left, side, basis), _sizes(columns)
+    away = np.linalg.lstsq(columns / size, halves @ differs, rcond=1e-9)[0] / size
+    return sides_of(differs) - away, test, rest, np.column_stack([basis, own])
+
+
+def sides_of(differs: FloatArray) -> FloatArray:
+    """(2, k) coefficients of the rising, and of the falling series, less those half-way, of (k,) their difference."""
+    return np.stack([differs, -differs]) / 2.0
 
 
 def reversed_by(

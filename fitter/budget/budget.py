@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.budget.coverage import EXCESS, coverage_factor, shape_factor
+from rig.fitter.budget.coverage import EXCESS, either_side_factor, shape_factor
 from rig.fitter.budget.influence import CANCELLED, Correlation, Influence, Inputs, TypeA, checked
 from rig.fitter.budget.many_rows import combine
 
@@ -18,6 +18,8 @@ DOMINATED = 1.0
 """Largest standard uncertainty of all other errors, beside that of one or two rectangular errors that dominate: these
 have half of the variance. At 0.3, which EA-4/02 has, 1.96 still covers 98.7 %; at 1 it covers 95.5 %, and the coverage
 factor changes by 1.4 % there."""
+SIDES = 0.5
+"""Share of the variance from which a deviation of either sign, and no other shape, has the coverage factor."""
 Shapes = bool | Literal["where limits dominate"]
 """Of which results coverage factors are by the shapes of the distributions."""
 
@@ -56,7 +58,8 @@ class Budgeted:
         standard_uncertainty: combined.
         df: effective degrees of freedom (Welch-Satterthwaite); infinite if no finite one counts.
         coverage_probability: of the expanded uncertainty.
-        coverage_factor: of Student's t with the effective degrees of freedom, or by the shapes of the distributions.
+        coverage_factor: of Student's t with the effective degrees of freedom, with a deviation of either sign if there
+            is one, or by the shapes of the distributions.
         expanded_uncertainty: coverage factor times standard uncertainty.
         contributions: the largest first.
         by_shape: whether the coverage factor is by the shapes of the distributions.
@@ -124,8 +127,12 @@ def budgets(
     found = []
     for j, (combined, df) in enumerate(_in_numpy(inputs) if forecast else _combined(inputs)):
         by_shape = shapes is True or (bool(shapes) and dominated(inputs, j, combined))
+        side = _either_side(inputs, j) / combined if combined else 0.0
+        by_shape = by_shape and side**2 < SIDES
         k = float(
-            shape_factor(probability, _index(inputs, j, combined, df)) if by_shape else coverage_factor(probability, df)
+            shape_factor(probability, _index(inputs, j, combined, df) - side**4 / 3.0)
+            if by_shape
+            else either_side_factor(probability, side, df)
         )
         lines = sorted(_lines(inputs, j), key=lambda one: -one.standard_uncertainty)
         value = float(inputs.values[j])
@@ -218,6 +225,11 @@ def _lines(inputs: Inputs, j: int) -> list[Contribution]:
         share = float(with_others[i]) / total if total else 0.0
         lines.append(Contribution(one.name, one.source, one.kind, abs(float(s[i])), one.df, share))
     return lines
+
+
+def _either_side(inputs: Inputs, j: int) -> float:
+    """Size of the largest deviation of either sign of result j; others count by their variance."""
+    return max((abs(float(one.deviation[j])) for one in inputs.type_a if one.deviation is not None), default=0.0)
 
 
 def _df(one: TypeA, j: int) -> float:

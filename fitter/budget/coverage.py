@@ -29,6 +29,32 @@ def coverage_factor(probability: float, df: ArrayLike) -> FloatArray:
     return np.asarray(np.where(numbers > NORMAL_FROM, special.ndtri(upper), t))
 
 
+def either_side_factor(probability: float, share: ArrayLike, df: ArrayLike) -> FloatArray:
+    """Coverage factor of a sum with a deviation of known size and of either sign, such as that of a direction.
+
+    Half of the results have the deviation h, the others -h. The rest is Student's t of scale s. The expanded
+    uncertainty U solves P(|h + s t| <= U) = probability. Where h dominates it is h plus the one-sided limit of
+    the rest.
+
+    Args:
+        probability: coverage probability.
+        share: h over the combined standard uncertainty, 0 to 1; 0 gives Student's t.
+        df: effective degrees of freedom of the whole sum, in which h counts as exactly known.
+    """
+    h, df = np.broadcast_arrays(np.asarray(share, np.float64), np.asarray(df, np.float64))
+    k = coverage_factor(probability, df).copy()
+    at = h > 0.0
+    h, rest = np.minimum(h[at], 1.0), np.maximum(1.0 - np.minimum(h[at], 1.0) ** 2, 1e-12)
+    s, freedom = np.sqrt(rest), np.clip(df[at] * rest**2, 1e-3, NORMAL_FROM)
+    low, high = (h + s * special.stdtrit(freedom, upper) for upper in (probability, 0.5 * (1.0 + probability)))
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        inside = special.stdtr(freedom, (middle - h) / s) - special.stdtr(freedom, -(middle + h) / s)
+        low, high = np.where(inside < probability, middle, low), np.where(inside < probability, high, middle)
+    k[at] = high
+    return k
+
+
 EXCESS = {"normal": 0.0, "t": 0.0, "rectangular": -0.2, "triangular": -0.1, "arcsine": -0.2}
 """A sixth of the excess kurtosis of each distribution; of Student's t it is 1 / (df - 4), for which 1 / df stands.
 

@@ -38,7 +38,8 @@ def trials(inputs: Inputs, evaluate: Evaluate | None = None) -> Trials:
                 f"influence {bounded[0].name} is {bounded[0].distribution} and correlated with another: a simulation "
                 "needs normal ones. If they have one source, state one influence with all its sensitivities"
             )
-    roots = [_root(one.covariance) for one in inputs.type_a]
+    sides = [np.zeros(len(inputs.values)) if one.deviation is None else one.deviation for one in inputs.type_a]
+    roots = [_root(one.covariance - np.outer(h, h)) for one, h in zip(inputs.type_a, sides, strict=True)]
     s = inputs.sensitivities
 
     def draw(rng: np.random.Generator, count: int) -> FloatArray:
@@ -46,7 +47,9 @@ def trials(inputs: Inputs, evaluate: Evaluate | None = None) -> Trials:
         results = inputs.values + errors @ s if evaluate is None else evaluate(errors)
         if results.shape != (count, len(inputs.values)):
             raise ValueError(f"the evaluation gave {results.shape}, not {(count, len(inputs.values))}")
-        for one, root in zip(inputs.type_a, roots, strict=True):
+        for one, root, h in zip(inputs.type_a, roots, sides, strict=True):
+            if h.any():
+                results = results + rng.choice([-1.0, 1.0], count)[:, None] * h
             results = results + rng.standard_normal((count, root.shape[0])) @ root * _t_scale(one, rng, count)
         return results
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Literal
 
@@ -56,6 +56,8 @@ class TypeA:
         name: of this source of error.
         source: what it is traced to.
         kind: "B" for many independent errors of one source that are stated, not observed.
+        deviation: (m,) part of known size and of either sign, with the signs that it has together; its square is in the
+            covariance. None for none.
 
     """
 
@@ -64,6 +66,7 @@ class TypeA:
     name: str = "repeatability"
     source: str = "repeatability"
     kind: Literal["A", "B"] = "A"
+    deviation: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -188,7 +191,7 @@ def _checked_type_a(one: TypeA, m: int) -> TypeA:
     df = np.broadcast_to(np.asarray(one.df, dtype=np.float64), (m,))
     for number in df.tolist():
         _positive_df(f"type A covariance, {one.name}", number)
-    return TypeA(covariance, df, one.name, one.source, one.kind)
+    return replace(one, covariance=covariance, df=df)
 
 
 def _positive_df(what: str, df: float) -> None:

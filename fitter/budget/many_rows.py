@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.budget.coverage import coverage_factor, shape_factor
+from rig.fitter.budget.coverage import either_side_factor, shape_factor
 from rig.fitter.budget.influence import CANCELLED, connected
 
 _PROBABILITY = 0.95
@@ -44,6 +44,7 @@ def combine(
     *,
     correlation: FloatArray | None = None,
     excess: FloatArray | None = None,
+    deviation: ArrayLike = 0.0,
 ) -> Combined:
     """Combine p influences for each of n results, as `budgets` does, to 1e-9.
 
@@ -53,6 +54,7 @@ def combine(
         type_a: variance and degrees of freedom of each further component; each a number or (n,).
         correlation: (p, p) of the influences; as `influence.checked` accepts it.
         excess: (p,) `EXCESS` of the influences' distributions, for coverage factors by shape.
+        deviation: (n,) part of known size and of either sign, whose square is in the variances.
 
     """
     n, p = sensitivities.shape
@@ -75,9 +77,10 @@ def combine(
         per_df = sum((np.square(part / variance) / its_df for part, its_df in parts), start=np.zeros(n))
         effective = np.where(per_df > 0.0, 1.0 / per_df, np.inf)
         squares = [np.square(np.square(sensitivities[:, one[0]]) / variance) * shape for one, shape in bounded]
+    u = np.sqrt(variance)
     if excess is None:
-        k = coverage_factor(_PROBABILITY, effective)
+        share = np.abs(deviation) / np.where(u > 0.0, u, np.inf)
+        k = either_side_factor(_PROBABILITY, np.nan_to_num(share), effective)
     else:
         k = shape_factor(_PROBABILITY, 1.0 / effective + np.nan_to_num(sum(squares, start=np.zeros(n))))
-    u = np.sqrt(variance)
     return Combined(u, effective, k, k * u)

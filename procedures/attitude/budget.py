@@ -16,7 +16,7 @@ import numpy as np
 from rig.fitter.budget import TypeA
 from rig.fitter.errors import FitError
 from rig.fitter.linear import orthonormal
-from rig.fitter.strata import DIFFER, by_side, reversed_by
+from rig.fitter.strata import DIFFER, by_side, reversed_by, sides_of
 from rig.fitter.sums_of_squares import FTest, project_out
 from rig.procedures.attitude.data import AttitudeData, settings
 from rig.procedures.attitude.fit import AttitudeFit, fit_all
@@ -229,8 +229,8 @@ class AttitudeEvaluation(Evaluation):
 
     @cached_property
     def _sides(self) -> Sequence[tuple[str, FTest, FloatArray | None]]:
-        """Sensor and axis, test of rising against falling angles, and (4 S,) rising less falling coefficients, if they
-        differ.
+        """Sensor and axis, test of rising against falling angles, and (2, 4 S) coefficients of rising and of falling
+        angles less those of the fit, if they differ.
         """
         d, found = self._data, []
         h = attitude_columns(d.pitch_deg, d.roll_deg, roll=d.has_roll)
@@ -243,11 +243,11 @@ class AttitudeEvaluation(Evaluation):
                 side = np.asarray(given, np.float64)
                 differs, test, _, _ = by_side(h, basis, project_out(left, basis), side)
                 if (held := self._by_side(name, axis)) is not None:
-                    more = reversed_by(h, held, side, basis)
+                    more = sides_of(reversed_by(h, held, side, basis))
                     differs = more if differs is None else differs + more
                 if differs is not None:
-                    differs = np.insert(differs, 2, 0.0) if len(differs) == 3 else differs
-                    differs = np.pad(differs, (4 * i, self._base.size - 4 * i - 4))
+                    differs = np.insert(differs, 2, 0.0, axis=1) if differs.shape[1] == 3 else differs
+                    differs = np.pad(differs, ((0, 0), (4 * i, self._base.size - 4 * i - 4)))
                 found.append((f"{name} in {axis}", test, differs))
         return found
 
@@ -261,7 +261,7 @@ class AttitudeEvaluation(Evaluation):
         """
         for name, _, differs in self._sides:
             if differs is not None:
-                yield line_of(name, self._jacobian @ differs)
+                yield line_of(name, differs @ self._jacobian.T, self.results.of_fit)
 
     def _type_a(self, size: int) -> tuple[TypeA, FloatArray]:
         """Scatter of the run through the fit; of inferred angles as in use, with one reading. (m,) variances by the

@@ -46,7 +46,7 @@ class Calibrated(Protocol):
 
     @property
     def reversibility(self) -> FloatArray | None:
-        """(m,) its results of rising series less those of falling ones; None if they do not differ."""
+        """(2, m) its results of rising and of falling series, less its results; None if they do not differ."""
 
 
 class EvaluationBySensor(Evaluation):
@@ -61,8 +61,9 @@ class EvaluationBySensor(Evaluation):
         """Differences between rising and falling series, as covariances of the results, which are half-way between."""
         ends = np.cumsum([len(list(one.named())) for one in self.each])
         for one, end in zip(self.each, ends.tolist(), strict=True):
-            if (differs := one.reversibility) is not None:
-                yield line_of(one.name, np.pad(differs, (end - len(differs), ends[-1] - end)))
+            if (sides := one.reversibility) is not None:
+                places = (end - sides.shape[1], ends[-1] - end)
+                yield line_of(one.name, np.pad(sides, ((0, 0), places)), np.pad(one.scatter()[2], places))
 
     def inferred(self, output: str, readings: FloatArray) -> FloatArray:
         """(p,) inferred values of readings of one output at the points."""

@@ -8,16 +8,30 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.budget import TypeA
 from rig.fitter.sums_of_squares import FTest
 
-SERIES = "rising less falling series of the run (ISO 376; EURAMET cg-4)"
-"""Source of a line: rectangular, half of the difference wide on each side."""
+SERIES = "rising and falling series of the run"
+"""Source of a line."""
+EITHER_SIDE = (
+    "reversibility: each reading is on one of two sides, so half of the difference between them is its standard "
+    "uncertainty. Where it dominates, the coverage factor is smaller than Student's t: U is half of the difference "
+    "plus the one-sided limit of the rest"
+)
 
 
-def line_of(name: str, differs: FloatArray) -> TypeA:
-    """The line for (m,) results of rising series less those of falling ones.
+def line_of(name: str, sides: FloatArray, of_fit: FloatArray) -> TypeA:
+    """The line for (2, m) results of rising and of falling series, less the results.
 
-    The difference is the full width of a rectangular distribution, as ISO 376 has it.
+    A reading is on one side or the other: the deviation has two values, so its size is its standard uncertainty. That
+    is more than the rectangular distribution of ISO 376 and EURAMET cg-4, which is for readings of any history. The
+    size is as uncertain as the results are by the fit.
+
+    Args:
+        name: of the sensor.
+        sides: (2, m).
+        of_fit: (m,) variance of the results by the fit alone.
     """
-    return TypeA(np.outer(differs, differs) / 12.0, np.inf, f"reversibility of {name}", SERIES, "B")
+    size = np.max(np.abs(sides), axis=0) * np.where(sides[0] < sides[1], -1.0, 1.0)
+    covariance = np.outer(size, size) + np.diag(np.where(size == 0.0, 0.0, of_fit))
+    return TypeA(covariance, np.inf, f"reversibility of {name}", SERIES, "B", deviation=size)
 
 
 def in_words(name: str, test: FTest) -> str:
@@ -25,5 +39,5 @@ def in_words(name: str, test: FTest) -> str:
     return (
         f"{name}: rising and falling series differ by more than scatter (F = {test.value:.3g} with {test.df_above} and "
         f"{test.df_below} degrees of freedom, p = {test.p:.2g}): results are half-way between, and reversibility has a "
-        f"line, the difference as the full width of a rectangular distribution"
+        f"line, half of the difference as standard uncertainty"
     )

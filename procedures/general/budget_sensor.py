@@ -11,7 +11,7 @@ import numpy as np
 from rig.fitter import LinearFit
 from rig.fitter.arrays import FloatArray
 from rig.fitter.errors import FitError
-from rig.fitter.strata import Strata, reversed_by, strata
+from rig.fitter.strata import Strata, reversed_by, sides_of, strata
 from rig.procedures.column_names import spelled, stem_of, unit_of
 from rig.procedures.evaluate.scatter_for_budgets import Scatter, scatter
 from rig.procedures.general.declared import Declared, Model, model_of
@@ -114,12 +114,12 @@ class Sensor:
 
     @property
     def reversibility(self) -> FloatArray | None:
-        """(m,) results of rising series less those of falling ones; None if they do not differ."""
+        """(2, m) results of rising and of falling series, less the results; None if they do not differ."""
         found = None if self.strata is None else self.strata.reversed
         if self.by_side is not None:
-            off = reversed_by(self._tangent, self.by_side, side_of(self.table))
+            off = sides_of(reversed_by(self._tangent, self.by_side, side_of(self.table)))
             found = off if found is None else found + off
-        return None if found is None else self._jacobian @ found
+        return None if found is None else found @ self._jacobian.T
 
     def coefficients(self, columns: Columns) -> FloatArray:
         """(k,) coefficients with other columns."""

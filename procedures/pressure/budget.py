@@ -13,7 +13,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
-from rig.fitter.strata import DIFFER, by_side, reversed_by
+from rig.fitter.strata import DIFFER, by_side, reversed_by, sides_of
 from rig.fitter.sums_of_squares import FTest, project_out
 from rig.procedures.evaluate.budget_by_sensor import EvaluationBySensor
 from rig.procedures.evaluate.budgeting import Shift, Shifts
@@ -138,7 +138,7 @@ class Transducer:
 
     @cached_property
     def sides(self) -> tuple[FloatArray | None, FTest]:
-        """(k,) coefficients of rising pressures less those of falling ones, inside whole plots, and their test."""
+        """(2, k) coefficients of rising and of falling pressures, less those of the fit, in whole plots; their test."""
         data = self.fit.problem.data
         each = 1.0 / self.calibration.errors.subplot_sd(data.pressure_psia)
         columns = each[:, None] * self.fit.problem.formula.columns(data.table)[1]
@@ -146,15 +146,15 @@ class Transducer:
         basis, side = orthonormal(np.column_stack([inside, columns])), data.pressure_side.astype(np.float64)
         found, test, _, _ = by_side(columns, basis, project_out(each * data.outputs[self.name], basis), side)
         if self.by_side is not None:
-            more = reversed_by(columns, each * self.by_side, side, basis)
+            more = sides_of(reversed_by(columns, each * self.by_side, side, basis))
             found = more if found is None else found + more
         return found, test
 
     @property
     def reversibility(self) -> FloatArray | None:
-        """(m,) results of rising pressures less those of falling ones; None if they do not differ."""
+        """(2, m) results of rising and of falling pressures, less the results; None if they do not differ."""
         found = self.sides[0]
-        return None if found is None else self._jacobian @ found
+        return None if found is None else found @ self._jacobian.T
 
 
 class PressureEvaluation(EvaluationBySensor):

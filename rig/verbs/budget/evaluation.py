@@ -20,6 +20,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.evaluate.budgeting import Evaluation, Results, Shift, Shifts
 from rig.procedures.evaluate.influences import corrected, explain, influences, with_more
 from rig.procedures.evaluate.readings import as_in_run
+from rig.procedures.evaluate.reversibility import EITHER_SIDE
 from rig.procedures.evaluate.simulated_budget import whole
 from rig.procedures.evaluate.stated import Statements
 from rig.procedures.kind import Kind
@@ -329,6 +330,8 @@ def budget_of(
         notes.insert(0, f"the register {of.register.name!r} has example values: these uncertainties are examples, too")
     if after_days is not None:
         notes.append(IN_USE.format(days=after_days))
+    if any(one.deviation is not None for one in type_a):
+        notes.append(EITHER_SIDE)
     if shapes is True:
         notes.append(BY_SHAPE)
     elif by_shape := [one.name for one in made if one.by_shape]:

@@ -91,20 +91,17 @@ def undeclared_lines(declared: Evaluation, traced: Evaluation, effects: Mapping[
     for one in traced.model_errors():
         covariance = covariance + np.outer(times, times) * one.covariance[square]
     covariance += np.diag(np.maximum(times**2 * other.of_fit[chosen] - mine.of_fit, 0.0))
-    covariance += np.diag(np.maximum(times**2 * _reversed(traced)[chosen] - _reversed(declared), 0.0))
     theirs = {names: np.array([one == names for one in of], np.float64) for names in dict.fromkeys(of)}
-    return [
+    lines = [
         TypeA(covariance * np.outer(mask, mask), np.inf, LINE.format(names), SOURCE, "B")
         for names, mask in theirs.items()
     ]
-
-
-def _reversed(evaluation: Evaluation) -> FloatArray:
-    """(m,) variance of the results by the difference between rising and falling series."""
-    found = np.zeros(len(evaluation.results.values))
-    for one in evaluation.reversibility():
-        found += np.diag(one.covariance)
-    return found
+    known = {one.name for one in declared.reversibility()}
+    for one in traced.reversibility():
+        if one.name not in known and one.deviation is not None:
+            moved = one.covariance[square] * np.outer(times, times)
+            lines.append(replace(one, covariance=moved, deviation=times * one.deviation[chosen]))
+    return lines
 
 
 def _same_readings(traced: Evaluation, mine: Results, chosen: IntArray) -> FloatArray:

@@ -114,7 +114,9 @@ def _lines(here: Evaluation, output: str, variable: str, extra: Sequence[TypeA])
         variance = np.maximum(np.diag(line.covariance)[mine], 0.0)
         if (variance > _SMALL * own).any():
             df = if_finite(np.min(line.df))
-            yield {"name": line.name, "df": df, "at": place.tolist(), "u": np.sqrt(variance).tolist()}
+            told = {"name": line.name, "df": df, "at": place.tolist(), "u": np.sqrt(variance).tolist()}
+            side = None if line.deviation is None else np.abs(line.deviation[mine]).tolist()
+            yield told if side is None else {**told, "deviation": side}
 
 
 def _scatter(here: Evaluation, output: str, variable: str) -> dict[str, Any] | None:

@@ -55,12 +55,14 @@ class KeptLine:
         df: degrees of freedom.
         at: (p,) inferred values, increasing.
         u: (p,) standard uncertainty of each.
+        deviation: (p,) part of known size and of either sign in it.
     """
 
     name: str
     df: float
     at: FloatArray
     u: FloatArray
+    deviation: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +122,7 @@ class KeptBudget:
                     inf if one["df"] is None else float(one["df"]),
                     np.array(one["at"], np.float64),
                     np.array(one["u"], np.float64),
+                    np.array(one.get("deviation", np.zeros(len(one["at"]))), np.float64),
                 )
                 for one in every
             )
@@ -189,14 +192,18 @@ def with_total(
                 groups[quantity].append((sum((np.square(h[quantity]) for h in halves), np.zeros(1)), one.df))
     scatter = {q: _scatter(found, q, budget.scatter) for q in found.quantities}
     own = {q: np.sqrt(variance) for q, (variance, _) in scatter.items()}
+    sides = {q: np.zeros(len(variance)) for q, (variance, _) in scatter.items()}
     for quantity in found.quantities:
         for line in (one for output in found.outputs.get(quantity, ()) for one in budget.lines.get(output, ())):
             u = np.interp(np.asarray(found.columns[quantity], np.float64), line.at, line.u)
             groups[quantity].append((u**2, line.df))
             own[quantity] = np.hypot(own[quantity], u)
+            deviation = np.interp(np.asarray(found.columns[quantity], np.float64), line.at, line.deviation)
+            sides[quantity] = np.maximum(sides[quantity], np.abs(deviation))
     columns = dict(found.columns)
     for quantity in found.quantities:
-        columns |= _combined(found, quantity, scatter[quantity], moved[quantity], np.array(df), groups[quantity])
+        parts = (scatter[quantity], moved[quantity], np.array(df), groups[quantity], sides[quantity])
+        columns |= _combined(found, quantity, *parts)
     rows = len(next(iter(columns.values())))
     told, flagged = _flags(found, columns, moved, groups)
     columns |= told
@@ -318,6 +325,7 @@ def _combined(
     moved: Sequence[FloatArray],
     df: FloatArray,
     groups: Sequence[tuple[FloatArray, float]],
+    side: FloatArray,
 ) -> dict[str, FloatArray]:
     """Columns of one quantity, with total uncertainty where repeatability has one."""
     value, sd, low, high = (
@@ -329,7 +337,7 @@ def _combined(
         known &= np.isfinite(one)
     sensitivities = np.reshape([one[known] for one in moved], (len(moved), known.sum())).T
     type_a = [(scatter[0][known], scatter[1][known]), *((v[known], np.full(known.sum(), d)) for v, d in groups)]
-    total = combine(sensitivities, df, type_a)
+    total = combine(sensitivities, df, type_a, deviation=side[known])
     own = np.where(own_df[known] < 1e10, special.stdtrit(np.minimum(own_df[known], 1e10), 0.975), special.ndtri(0.975))
     with np.errstate(divide="ignore", invalid="ignore"):
         wider = total.expanded_uncertainty / (own * sd[known])
