@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
+from rig.fitter.trace.engine.both import Both
 from rig.fitter.trace.engine.components import PRICE, Components
 from rig.fitter.trace.engine.likelihood import Grid
+from rig.fitter.trace.engine.noise import Independent, Wandering
 from rig.fitter.trace.engine.sensors import Stacked
+from rig.fitter.trace.engine.shared import Shared
 
 GROUPS, ROWS = 6, 5
 
@@ -108,3 +111,33 @@ def test_sensors_one_after_the_other_are_independent():
     assert both.whiten(np.array([at]), both.colour(at, columns))[0] == pytest.approx(columns)
     kept = np.array([0, 3, 7, order.size + 2, order.size + 9])
     assert both.rows(kept).rows_of == (3, 2)
+
+
+def noises():
+    rng = np.random.default_rng(4)
+    group, when = np.repeat(np.arange(GROUPS), ROWS), np.arange(float(GROUPS * ROWS))
+    sd = np.exp(0.3 * rng.standard_normal(group.size))
+    parts = (made(2)[0], made(3)[0])
+    return {
+        "independent": Independent(group.size),
+        "wander": Wandering(when),
+        "offsets": Shared(group).over(sd),
+        "offsets and a wander": Both(group, when=when).over(sd),
+        "offsets, slopes and memory": made(2)[0],
+        "two sensors": Stacked((parts[0], parts[1].stretched(2.0)), (group.size, group.size)),
+    }
+
+
+@pytest.mark.parametrize("which", list(noises()))
+def test_products_of_columns_are_those_of_whitened_ones(which):
+    noise, rng = noises()[which], np.random.default_rng(5)
+    n = GROUPS * ROWS * (2 if which == "two sensors" else 1)
+    one, other = rng.standard_normal((n, 3)), rng.standard_normal((n, 2))
+    one[: n // 2, 0] = 0.0
+    at = np.unique(rng.integers(0, len(noise.prior), 12))
+    white = [noise.white(at, columns) for columns in (one, other)]
+    rows = [noise.whiten(at, columns) for columns in (one, other)]
+    assert white[0].products(white[1]) == pytest.approx(rows[0].mT @ rows[1], abs=1e-9)
+    assert white[0].squares() == pytest.approx(np.sum(rows[0] ** 2, axis=1), abs=1e-9)
+    both = np.concatenate(rows, axis=2)
+    assert white[0].beside(white[1]).products(white[1]) == pytest.approx(both.mT @ rows[1], abs=1e-9)

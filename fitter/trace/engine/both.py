@@ -16,6 +16,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.noise import BoolArray, Wandering
 from rig.fitter.trace.engine.shared import Shared
+from rig.fitter.trace.engine.white import Along, ByComponents, White
 
 RATIOS = (0.0, 0.1, 0.5, 2.0, 10.0, 100.0)
 """Variance of the common error of a group over the variance of a row in it."""
@@ -112,6 +113,17 @@ class Both(Shared):
             basis, square = self._bases[w]
             out[i] = _stretched(done[w], basis, 1.0 / np.sqrt(1.0 + r * square)) if r > 0 else done[w]
         return out
+
+    def white(self, which: IntArray, columns: FloatArray) -> White:
+        """See `Noise`."""
+        of, ratios = self._of[0][which], self._of[1][which]
+        parts = []
+        for w in np.unique(of).tolist():
+            at = np.flatnonzero(of == w)
+            rows, (basis, square) = self.wander.whiten(np.array([w]), columns)[0], self._bases[w]
+            own = ratios[at, None] * square
+            parts.append(Along(at, rows, (basis.T @ rows)[None], (own / (1.0 + own))[:, None]))
+        return ByComponents(tuple(parts), len(which))
 
     def back(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`."""

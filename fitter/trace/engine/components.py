@@ -17,6 +17,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.noise import BoolArray
+from rig.fitter.trace.engine.white import Along, ByComponents, White
 
 OFFSETS = tuple(np.geomspace(0.05, 400.0, 20).tolist())
 """Variance of a group's offset over that of a row; far apart, effects between groups would be judged too well."""
@@ -105,27 +106,55 @@ class Components:
     def _bases(self) -> tuple[tuple[FloatArray, FloatArray], ...]:
         """For each memory (n, q) an orthonormal basis of the groups whitened by it, and (q, 2 W) these in it."""
         out = []
-        for rho in self._memories[0].tolist():
-            white = self._less(rho, self._groups)
+        for white in self._whitened_groups:
             u, s, v = np.linalg.svd(white, full_matrices=False)
             kept = s > _LEAST * s[0]
             out.append((u[:, kept], s[kept, None] * v[kept]))
         return tuple(out)
 
-    @cached_property
-    def _triangles(self) -> tuple[FloatArray, ...]:
-        """(q, q) for each covariance, in the basis of its memory."""
-        count, out = int(self.group.max()) + 1, []
-        for (offset, slope, _), m in zip(self.grid.tolist(), self._memories[1].tolist(), strict=True):
-            own = self._bases[m][1]
-            one, other = own[:, :count], own[:, count:]
-            out.append(np.linalg.cholesky(np.eye(len(own)) + offset * one @ one.T + slope * other @ other.T))
-        return tuple(out)
+    def _triangle(self, at: int) -> FloatArray:
+        """(q, q) of a covariance, in the basis of its memory."""
+        if at not in self._known:
+            (offset, slope, _), own = self.grid[at].tolist(), self._bases[int(self._memories[1][at])][1]
+            one, other = np.split(own, 2, axis=1)
+            self._known[at] = np.linalg.cholesky(np.eye(len(own)) + offset * one @ one.T + slope * other @ other.T)
+        return self._known[at]
 
     @cached_property
-    def _inverses(self) -> tuple[FloatArray, ...]:
-        """(q, q) inverse of each triangle, less the identity."""
-        return tuple(np.linalg.inv(one) - np.eye(len(one)) for one in self._triangles)
+    def _known(self) -> dict[int, FloatArray]:
+        return {}
+
+    def _inverse(self, at: int) -> FloatArray:
+        """(q, q) inverse of a triangle, less the identity."""
+        if at not in self._known_inverses:
+            triangle = self._triangle(at)
+            self._known_inverses[at] = np.linalg.inv(triangle) - np.eye(len(triangle))
+        return self._known_inverses[at]
+
+    @cached_property
+    def _known_inverses(self) -> dict[int, FloatArray]:
+        return {}
+
+    @cached_property
+    def _whitened_groups(self) -> tuple[FloatArray, ...]:
+        """For each memory (n, 2 W) the groups whitened by it: those of different groups have no row in common."""
+        return tuple(self._less(rho, self._groups) for rho in self._memories[0].tolist())
+
+    @cached_property
+    def _determinants(self) -> tuple[FloatArray, FloatArray]:
+        """(G, W) determinant of each group's covariance along its offset and slope, and (G, 3, W) weights of products
+        of offsets, of both, and of slopes, in that covariance's inverse.
+        """
+        count = int(self.group.max()) + 1
+        squares = np.empty((len(self._memories[0]), 3, count))
+        for m, own in enumerate(self._whitened_groups):
+            one, other = own[:, :count], own[:, count:]
+            squares[m] = [np.einsum("nw,nw->w", *pair) for pair in ((one, one), (one, other), (other, other))]
+        zz, zs, ss = squares[self._memories[1]].swapaxes(0, 1)
+        offset, slope = self.grid[:, :1], self.grid[:, 1:2]
+        determinant = (1.0 + offset * zz) * (1.0 + slope * ss) - offset * slope * zs**2
+        weight = np.stack([offset * (1.0 + slope * ss), -offset * slope * zs, slope * (1.0 + offset * zz)], axis=1)
+        return determinant, weight / determinant[:, None]
 
     @cached_property
     def log_det(self) -> FloatArray:
@@ -133,7 +162,17 @@ class Components:
         prices = 2.0 * PRICE * np.sum(self.grid[:, 1:] > 0.0, axis=1)
         followers = int(np.count_nonzero(self.before != np.arange(len(self.group))))
         of_rows = followers * np.log1p(-(self.grid[:, 2] ** 2))
-        return np.asarray(prices + of_rows + [2.0 * float(np.sum(np.log(np.diag(one)))) for one in self._triangles])
+        return np.asarray(prices + of_rows + np.sum(np.log(self._determinants[0]), axis=1))
+
+    def white(self, which: IntArray, columns: FloatArray) -> White:
+        """See `Noise`."""
+        of, parts = self._memories[1][which], []
+        for m in np.unique(of).tolist():
+            at = np.flatnonzero(of == m)
+            rows = self._less(float(self._memories[0][m]), columns)
+            sums = (self._whitened_groups[m].T @ rows).reshape(2, -1, columns.shape[1])
+            parts.append(Along(at, rows, sums, self._determinants[1][which[at]]))
+        return ByComponents(tuple(parts), len(which))
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
@@ -145,7 +184,7 @@ class Components:
                 white = self._less(float(self._memories[0][m]), columns)
                 done[m] = white, self._bases[m][0].T @ white
             white, along = done[m]
-            np.matmul(self._bases[m][0], self._inverses[g] @ along, out=out[i])
+            np.matmul(self._bases[m][0], self._inverse(g) @ along, out=out[i])
             out[i] += white
         return out
 
@@ -153,7 +192,7 @@ class Components:
         """See `Noise`."""
         m = int(self._memories[1][at])
         basis = self._bases[m][0]
-        return self._later(float(self._memories[0][m]), white + basis @ (self._inverses[at].T @ (basis.T @ white)))
+        return self._later(float(self._memories[0][m]), white + basis @ (self._inverse(at).T @ (basis.T @ white)))
 
     def colour(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`."""
@@ -168,7 +207,7 @@ class Components:
         )
 
     def _stretched(self, at: int, m: int, columns: FloatArray, *, transposed: bool) -> FloatArray:
-        basis, triangle = self._bases[m][0], self._triangles[at]
+        basis, triangle = self._bases[m][0], self._triangle(at)
         along = basis.T @ columns
         return np.asarray(columns + basis @ ((triangle.T if transposed else triangle) @ along - along))
 

@@ -26,6 +26,7 @@ from rig.fitter.linear import orthonormal
 from rig.fitter.sums_of_squares import project_out
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.lengths import Part, Simulated, Single
+from rig.fitter.trace.engine.likelihood import deviances
 from rig.fitter.trace.engine.noise import BoolArray
 from rig.fitter.trace.engine.problem import SPARED, Problem
 from rig.fitter.trace.engine.score import FEWEST_FOR_SCATTER, Blocks, View
@@ -303,20 +304,10 @@ def _near(problem: Problem, at: int, possible: BoolArray, rng: np.random.Generat
         return every
     drawn = problem.noise.colour(at, rng.standard_normal((problem.n, TRIED)))
     for some, behind in ((drawn[:, :FIRST], FAR), (drawn, BEHIND)):
-        deviance = np.array([_deviance(problem, g, some) for g in every.tolist()])
+        deviance = deviances(problem.noise, every, problem.declared / problem.sd[:, None], some)
         least = np.min(deviance - deviance.min(axis=0), axis=1)
         every = every[(least < behind) | (every == at)]
     return every
-
-
-def _deviance(problem: Problem, g: int, drawn: FloatArray) -> FloatArray:
-    """(m,) minus twice the log-likelihood of responses (n, m) under covariance `g`, with the declared columns
-    fitted.
-    """
-    which, k = np.array([g]), problem.declared.shape[1]
-    white = problem.noise.whiten(which, np.hstack([problem.declared / problem.sd[:, None], drawn]))[0]
-    left = project_out(white[:, k:], orthonormal(white[:, :k]))
-    return np.asarray(problem.n * np.log(np.sum(left**2, axis=0)) + problem.noise.log_det[g])
 
 
 def _ratios(drawn: Drawn, simulated: Simulated, rank: IntArray, df: int) -> Single:

@@ -16,15 +16,13 @@ from rig.fitter.trace.engine.lengths import Simulated
 from rig.fitter.trace.engine.likelihood import Grid, Likelihoods, ratio
 from rig.fitter.trace.engine.noise import BoolArray
 from rig.fitter.trace.engine.problem import Candidate, Problem
-from rig.fitter.trace.engine.rivalry import Rivalry, Trial, possible_of
+from rig.fitter.trace.engine.rivalry import Rivalry, Trial, possible, possible_of
 from rig.fitter.trace.engine.rivals import rivals
 from rig.fitter.trace.engine.robust import excess
 from rig.fitter.trace.engine.score import Scores, View, ranked, score
-from rig.fitter.trace.signs import SURE
 
 SHORTLIST = 8
 """Number of effects examined closely at each step, by their reduction of the residual."""
-
 CLOSE = 3.0 * ALPHA
 """Largest p for which the slowest plausible noise is tested too."""
 DOUBTFUL = 5.0
@@ -39,8 +37,6 @@ ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
 SHAPES = ("kink", "clip", "square-root")
 """Kinds of curves that are not named after a power where they are more probable than it."""
-MOST_TERMS = 3
-"""Maximum number of terms of one effect with a searched constant: more knots or harmonics are not a description."""
 KEPT = 6
 """Models that are kept whitened by every covariance."""
 
@@ -81,7 +77,7 @@ class TableJudge:
 
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """The most evident candidate beside those `chosen`, among the significant ones."""
-        ranked = [j for j in self._ranked(chosen) if not self._crowded(chosen, j)]
+        ranked = [j for j in self._ranked(chosen) if not self.problem.crowded(chosen, j)]
         single = next(((j,) for j in ranked if self.adjusted(chosen, j, ALPHA) <= ALPHA), ())
         return single or self._pair(chosen, ranked)
 
@@ -108,15 +104,6 @@ class TableJudge:
                     return (j, k)
         return ()
 
-    def _crowded(self, chosen: tuple[int, ...], j: int) -> bool:
-        """Whether an effect has the maximum number of terms, or one next to `j` on the grid of its constant."""
-        own, profile = self.candidates[j], self.candidates[j].term.profile
-        same = [self.candidates[k] for k in chosen if self.candidates[k].effect.name == own.effect.name]
-        if profile is None or not same:
-            return False
-        near = any(k.term.profile and profile.low <= k.term.profile.value <= profile.high for k in same)
-        return near or len(same) >= MOST_TERMS
-
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
         whole, rest = tuple(sorted(chosen)), tuple(k for k in chosen if k != j)
@@ -135,7 +122,7 @@ class TableJudge:
         if not self.candidates[j].sign and not np.isfinite(self.candidates[j].most):
             return False
         at = self.beside((*chosen, j)).best
-        return not self._possible(at, chosen, ranked(self.view(at), self.white(at, chosen), chosen))[j]
+        return not self._possible(at, chosen, self._scores(at, chosen))[j]
 
     def suspects(self, chosen: tuple[int, ...]) -> tuple[tuple[str, float], ...]:
         """The effects nearest to significance beside those `chosen`, with their p, nearest first."""
@@ -155,8 +142,7 @@ class TableJudge:
             return None
         mine = [j for j in chosen if self.candidates[j].effect.name == effect]
         rest = tuple(j for j in chosen if j not in mine)
-        price = float(np.log(self.problem.n)) * sum(self.candidates[j].term.price for j in mine)
-        whole = tuple(sorted(chosen))
+        price, whole = float(np.log(self.problem.n)) * sum(map(float, self.problem.price[mine])), tuple(sorted(chosen))
         grid = self._of_response(self._grid(whole)[0], whole, self.held(rest))
         without = self._without(grid, whole, mine) or self.beside(rest)
         return float(2.0 * (self.beside(chosen).ml.max() - without.ml[slow].max()) - price)
@@ -238,6 +224,11 @@ class TableJudge:
             self._views[at] = View.of(self.problem, at)
         return self._views[at]
 
+    def _of_some(self, at: int, terms: Key) -> tuple[View, Key]:
+        """The problem whitened by covariance `at`, with some candidates at least, and their numbers in it."""
+        known = self._views.get(at)
+        return (known, terms) if known else (View.of(self.problem.only(terms), at), tuple(range(len(terms))))
+
     def held(self, chosen: tuple[int, ...]) -> FloatArray:
         """(n,) the response with isolated outliers beside those `chosen` reduced."""
         key = tuple(sorted(chosen))
@@ -248,8 +239,8 @@ class TableJudge:
     def _alone(self, key: Key) -> FloatArray:
         """(n,) reduction of isolated outliers beside those of a `key`."""
         if key not in self._off:
-            view, own = self.view(0), self.problem
-            taken = view.taken(key)
+            (view, some), own = self._of_some(0, key), self.problem
+            taken = view.taken(some)
             left = view.y - taken @ (taken.T @ view.y)
             self._off[key] = excess(left, ordered=own.ordered, step=own.step, near=lambda: own.near) * own.sd
         return self._off[key]
@@ -307,7 +298,7 @@ class TableJudge:
         if not np.any(possible[0]):
             return 0.0
         at = trial.beside.best_of(possible[1])
-        scores, _ = score(self.view(at), self._white(at, trial.y), chosen, (j,))
+        scores = self._scored(at, trial.y, chosen, j)
         if scores.ratio[0] <= 0.0:
             return 1.0
         rank, df = int(scores.rank[0]), int(scores.df[0])
@@ -322,6 +313,11 @@ class TableJudge:
             return p
         return max(p, self.family_for(j, trial.without.slowest_of(possible[0]), rival).adjust(name, own, most))
 
+    def _scored(self, at: int, y: FloatArray, chosen: tuple[int, ...], j: int) -> Scores:
+        """`j` beside those `chosen` under a covariance, with a response (n,)."""
+        view, (*rest, last) = self._of_some(at, (*chosen, j))
+        return score(view, self._white(at, y), rest, (last,))[0]
+
     def _ranked(self, chosen: tuple[int, ...], source: str | None = None) -> Iterable[int]:
         """The best term of each promising effect, by evidence minus the price of its columns; with a `source`, those
         of it alone.
@@ -332,7 +328,7 @@ class TableJudge:
         per_column = float(np.log(self.problem.n))
         shortlist: dict[int, float] = {}
         for at in dict.fromkeys((0, beside.best)):
-            scores = ranked(self.view(at), self.white(at, chosen), chosen)
+            scores = self._scores(at, chosen)
             worth = scores.evidence - per_column * self.problem.price
             if self.problem.bounded:
                 worth = np.where(self._possible(at, chosen, scores), worth, -np.inf)
@@ -349,16 +345,13 @@ class TableJudge:
             shortlist[j] = self._trial(chosen, j).gained - per_column * float(self.problem.price[j])
         return sorted(shortlist, key=lambda j: -shortlist[j])
 
+    def _scores(self, at: int, chosen: tuple[int, ...]) -> Scores:
+        """All candidates beside those `chosen` under a covariance."""
+        return ranked(self.view(at), self.white(at, chosen), chosen)
+
     def _possible(self, at: int, chosen: tuple[int, ...], scores: Scores) -> BoolArray:
         """(J,) candidates whose coefficient has a possible sign and size, within three standard errors."""
-        problem, view, y = self.problem, self.view(at), self.white(at, chosen)
-        taken = view.taken(chosen)
-        along = ((y - taken @ (taken.T @ y)) @ view.columns)[problem.start[:-1]]
-        t = np.sqrt(np.maximum(scores.ratio, 0.0))
-        gain, _ = view.gains(chosen, y)
-        size = np.divide(gain, np.abs(along), out=np.zeros_like(gain), where=along != 0.0)
-        small = size * (1.0 - SURE / np.maximum(t, SURE)) <= problem.most
-        return np.asarray(small & ~((problem.signs * along < 0.0) & (t > SURE)))
+        return possible(self.problem, self.view(at), self.white(at, chosen), chosen, scores)
 
     @cached_property
     def _least(self) -> float | None:
@@ -372,7 +365,7 @@ class TableJudge:
         return np.where(doubtful, DOUBTFUL, 1.0)
 
     def _trial(self, chosen: tuple[int, ...], j: int) -> Trial:
-        """`j` beside those `chosen`; a reading is reduced only as far as it is isolated both without and with `j`."""
+        """`j` beside those `chosen`; a reading is reduced only as far as it is isolated without and with `j`."""
         key, whole = tuple(sorted(chosen)), tuple(sorted((*chosen, j)))
         if (key, j) not in self._trials:
             held, off = self.held(key), self._alone(key)

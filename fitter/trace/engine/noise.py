@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
 from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.engine.white import ByRows, White
 
 SHARES = (1.0, 0.7, 0.4, 0.15)
 """Shares of the slow part in the variance of one row; the rest is independent."""
@@ -68,6 +69,9 @@ class Noise(Protocol):
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """(len(which), n, m) whitened `columns` (n, m): independent errors with one variance."""
 
+    def white(self, which: IntArray, columns: FloatArray) -> White:
+        """The same as far as products of columns are asked for."""
+
     def back(self, at: int, white: FloatArray) -> FloatArray:
         """(n, m) transposed whitening of (n, m): its products with columns are those of `white` with whitened ones."""
 
@@ -95,7 +99,7 @@ class Noise(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Independent:
+class Independent(ByRows):
     """No common errors of rows."""
 
     n: int
@@ -159,7 +163,7 @@ class Independent:
 
 
 @dataclass(frozen=True, eq=False)
-class Wandering:
+class Wandering(ByRows):
     """A slow part in the order of measurement plus independent errors: exponentially correlated, or a random walk.
 
     Whitened by its Kalman filter, with one innovation per row.

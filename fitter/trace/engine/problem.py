@@ -23,6 +23,8 @@ NEAR, FEWEST_FOR_NEAR = 6, 30
 """Rows that are near each one, and the fewest rows of a table in which these are near."""
 SPARED = 2
 """Minimum degrees of freedom beside a candidate."""
+MOST_TERMS = 3
+"""Maximum number of terms of one effect with a searched constant: more knots or harmonics are not a description."""
 AT_ONCE = 400_000
 """Numbers that the cache has room for."""
 
@@ -162,6 +164,15 @@ class Problem:
     def model(self, chosen: Sequence[int]) -> FloatArray:
         """(n, k + d) declared columns and those of some candidates."""
         return np.hstack([self.declared, self.of(chosen)])
+
+    def crowded(self, chosen: Sequence[int], j: int) -> bool:
+        """Whether an effect has the maximum number of terms, or one next to `j` on the grid of its constant."""
+        own, profile = self.candidates[j], self.candidates[j].term.profile
+        same = [self.candidates[k] for k in chosen if self.candidates[k].effect.name == own.effect.name]
+        if profile is None or not same:
+            return False
+        near = any(k.term.profile and profile.low <= k.term.profile.value <= profile.high for k in same)
+        return near or len(same) >= MOST_TERMS
 
     def rows(self, kept: IntArray) -> Problem:
         """The same for some of the rows."""

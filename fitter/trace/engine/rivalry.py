@@ -1,7 +1,8 @@
-"""Rival explanations of an effect by noise."""
+"""Rival explanations of an effect by noise, and its coefficient, as far as they forbid it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,6 +12,8 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.engine.likelihood import Likelihoods
 from rig.fitter.trace.engine.noise import BoolArray
 from rig.fitter.trace.engine.problem import Problem
+from rig.fitter.trace.engine.score import Scores, View
+from rig.fitter.trace.signs import SURE
 
 Rivalry = Literal["any", "fast", "slow"]
 """Kinds of rivals: the best-fitting noise, without an effect and with it; the same for noise of short memory; or, with
@@ -59,3 +62,23 @@ def possible_of(problem: Problem, rival: Rivalry) -> tuple[BoolArray, BoolArray]
     every = np.ones(len(noise.slow), np.bool_)
     soon, slow = ~noise.slow, noise.slow if problem.presumed else noise.slow & ~noise.drifting
     return {"any": (every, every), "fast": (soon, soon), "slow": (slow, soon)}[rival]
+
+
+def possible(problem: Problem, view: View, y: FloatArray, chosen: Sequence[int], scores: Scores) -> BoolArray:
+    """(J,) candidates whose coefficient beside those `chosen` has a possible sign and size, within three standard
+    errors.
+
+    Args:
+        problem: the candidates.
+        view: of it under one covariance.
+        y: (n,) whitened response.
+        chosen: candidates in the model.
+        scores: of all candidates beside these.
+    """
+    taken = view.taken(chosen)
+    along = ((y - taken @ (taken.T @ y)) @ view.columns)[problem.start[:-1]]
+    t = np.sqrt(np.maximum(scores.ratio, 0.0))
+    gain, _ = view.gains(chosen, y)
+    size = np.divide(gain, np.abs(along), out=np.zeros_like(gain), where=along != 0.0)
+    small = size * (1.0 - SURE / np.maximum(t, SURE)) <= problem.most
+    return np.asarray(small & ~((problem.signs * along < 0.0) & (t > SURE)))

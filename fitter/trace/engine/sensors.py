@@ -17,6 +17,8 @@ from rig.fitter.trace.engine.lengths import Simulated
 from rig.fitter.trace.engine.noise import BoolArray, Noise
 from rig.fitter.trace.engine.problem import Candidate
 from rig.fitter.trace.engine.rivalry import Rivalry, possible_of
+from rig.fitter.trace.engine.score import View
+from rig.fitter.trace.engine.white import White, of_sensors
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +70,14 @@ class Stacked:
             own = np.flatnonzero(np.any(columns[rows] != 0.0, axis=0))
             out[:, rows, own] = part.whiten(which, columns[rows][:, own])
         return out
+
+    def white(self, which: IntArray, columns: FloatArray) -> White:
+        """See `Noise`."""
+        each = []
+        for part, rows in zip(self.parts, self._spans, strict=True):
+            own = np.flatnonzero(np.any(columns[rows] != 0.0, axis=0))
+            each.append((part.white(which, columns[rows][:, own]), own))
+        return of_sensors(each, columns.shape[1], len(which))
 
     def back(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`."""
@@ -132,6 +142,14 @@ class Together(TableJudge):
         """Candidates of no sensor."""
         return np.flatnonzero([c.sensor is None for c in self.candidates])
 
+    def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
+        """See `TableJudge`; as long as only common candidates are judged, the others are not whitened."""
+        terms = (*self.common.tolist(), *chosen)
+        if self.judged(chosen) is None or len(terms) == len(self.candidates):
+            return super().best(chosen)
+        some = Together(self.problem.only(terms), self.families, alone=self.alone)
+        return tuple(terms[k] for k in some.best(tuple(range(len(self.common), len(terms)))))
+
     def judged(self, chosen: tuple[int, ...]) -> BoolArray | None:
         """Common candidates; all of them beside a common one."""
         if np.any(np.isin(chosen, self.common)):
@@ -150,7 +168,7 @@ class Together(TableJudge):
                 seed=1 + at,
                 without=without,
                 beside=beside,
-                scatter=None if rival == "slow" else self.view(at).only(self.common),
+                scatter=None if rival == "slow" else View.of(self._of_common.problem, at),
                 simulated=self._of_common,
             )
         return self.families[at, rival]

@@ -10,6 +10,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.noise import BoolArray
+from rig.fitter.trace.engine.white import Along, ByComponents, White
 
 RATIOS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0, 4.0, 8.0, 16.0, 40.0, 100.0, 400.0)
 """Variance of the common error of a group over that of a row in it."""
@@ -107,6 +108,13 @@ class Shared:
         means = self._means(columns)
         shrink = 1.0 - 1.0 / np.sqrt(1.0 + self._ratio[which, None] * self._square)
         return np.asarray(columns[None] - self._spread(shrink[:, :, None] * means[None]))
+
+    def white(self, which: IntArray, columns: FloatArray) -> White:
+        """See `Noise`."""
+        ratio = self._ratio[which, None]
+        sums = (self._means(columns) * self._square[:, None])[None]
+        weight = (ratio / (1.0 + ratio * self._square))[:, None]
+        return ByComponents((Along(np.arange(len(which)), columns, sums, weight),), len(which))
 
     def back(self, at: int, white: FloatArray) -> FloatArray:
         """See `Noise`: the matrix that whitens is symmetric."""
