@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,12 @@ CHANGED = 1e-3
 PREDICTED = 0.1
 """Part of a dynamic effect, rms, that its sizes in the first run may leave of it in the later one. Its columns take
 settings for steps and readings for moments, so a run of another order or other hold times gives it another size."""
+
+
+APART = 1.7
+"""Half-widths of a 95 % interval by which two runs' sizes of one effect differ: 3.3 standard errors, as by `CHANGED`."""
+Returns = Literal["shown", "other size", "absent", "unknown"]
+"""Answers of a run about an effect of another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +68,8 @@ class Member:
             searched constant those by both runs, and the text says so: one run seldom tells it from the size.
         against: field of the data for a plot of its residual.
         shifts: names of terms that are searched constants.
+        before: coefficients from the first run alone.
+        intervals_before: 95 % intervals of these.
     """
 
     effect: str
@@ -84,6 +92,22 @@ class Member:
     shifts: frozenset[str] = frozenset()
     p_fits: float = 1.0
     place: str = ""
+    before: tuple[float, ...] = ()
+    intervals_before: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def returns(self) -> Returns:
+        """Answer of the later run by itself about the effect of the first: nothing joins the days, no level and no drift.
+
+        "shown" with the same size, "other size"; "absent" where its interval contains zero, and the size of the first
+        run is far outside; "unknown" where it contains both, or has no end, as with a searched constant.
+        """
+        every = zip(self.before, self.intervals_before, self.coefficients, self.intervals, strict=True)
+        ended = [(a, c - a, b, d - b) for a, (_, c), b, (_, d) in every if np.isfinite([a, b, c, d]).all()]
+        same = all(abs(b - a) <= APART * np.hypot(own, other) for a, own, b, other in ended)
+        if any(abs(b) > other for _, _, b, other in ended):
+            return "shown" if same else "other size"
+        return "unknown" if same else "absent"
 
     @property
     def zero(self) -> tuple[str, ...]:
@@ -310,6 +334,7 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
     p = f_tail(gain / more, more, df) if more > 0 else 1.0
     later, t = both.only(both.fresh), t_limit(0.95, df)
     found = sizes_alone(later, member, question.rest, t)
+    before = sizes_alone(both.only(~both.fresh), member, question.rest, t)
     in_both = with_constants(both, member, comparison.rest, Sizes(together, around(together, spread, t)), t)
     sensors = ("" if term.sensor is None else f" ({term.sensor})" for term in member.terms)
     names = [
@@ -337,6 +362,8 @@ def _member(comparison: Comparison, j: int, sigmas: float, shown: float) -> Memb
         sizes=_sizes(both, member, in_both if in_both.constants else found),
         against=member.terms[0].effect.against,
         shifts=frozenset(name for name, t in zip(names, member.terms, strict=True) if getattr(t, "slope", ())),
+        before=tuple(before.values.tolist()),
+        intervals_before=before.intervals,
     )
 
 

@@ -21,7 +21,6 @@ from rig.cli.show import err, headline, print_json
 from rig.engine.session import Outcome
 from rig.errors import ExitCode, UsageError
 from rig.files.atomic import check_files, check_format, write_whole
-from rig.options_of_kinds import chosen as chosen_kind
 from rig.procedures.evaluate.results import Options
 from rig.procedures.kind import Kind
 from rig.procedures.present.shell import shell_word
@@ -92,7 +91,7 @@ def confirm(
     Examples: `rig confirm RUN --dry --runs 3`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
     """
     from rig.verbs.confirm.answers import following, judge  # noqa: PLC0415
-    from rig.verbs.confirm.first import check_way  # noqa: PLC0415
+    from rig.verbs.confirm.first import check_way, open_asked  # noqa: PLC0415
     from rig.verbs.confirm.further_plan import plan_for  # noqa: PLC0415
 
     made = list(by or after or ())
@@ -106,7 +105,7 @@ def confirm(
     texts = _texts({"bench": bench, "world": world})
     if not by:
         check_way(run_file, dry=dry or only_list or write is not None, rehearsed=dry, world=world is not None)
-    first = _opened(run_file, given)
+    first = open_asked(run_file, given)
     if not as_json:
         headline(run_file.name, first.traced.table)
     if not first.questions:
@@ -152,16 +151,6 @@ def confirm(
     if as_json:
         print_json(about)
     return ExitCode.OUTSIDE_ACCEPTANCE
-
-
-def _opened(run_file: Path, given: Mapping[str, Any]) -> First:
-    """The run, traced with the options of its kind."""
-    from rig.tables import FileSource  # noqa: PLC0415
-    from rig.verbs.confirm.first import check_run_file, open_traced  # noqa: PLC0415
-
-    check_run_file(run_file)
-    _, options = chosen_kind(FileSource(run_file), given, _options)
-    return open_traced(run_file, **options.model_dump(exclude_unset=True))
 
 
 def _texts(files: Mapping[str, Path | None]) -> dict[str, str | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +15,7 @@ from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.options import JsonOption
 from rig.cli.show import err, out, print_json, show_notes, show_result, write_report
 from rig.cli.table_options import DecimalOption, EncodingOption, HeaderOption, SeparatorOption
-from rig.errors import ExitCode
+from rig.errors import ExitCode, UsageError
 from rig.files.atomic import check_files, check_format
 from rig.procedures.evaluate.results import Traced
 from rig.procedures.kind import Kind
@@ -22,7 +23,7 @@ from rig.procedures.present.shell import shell_word
 from rig.procedures.present.terminal import show
 
 if TYPE_CHECKING:
-    from rig.tables import FileSource
+    from rig.tables import FileForm, FileSource
 
 DataArgument = Annotated[Path, typer.Argument(help="a run file, or a CSV table", show_default=False)]
 
@@ -91,7 +92,9 @@ def fit(
 @app.command()
 @with_options_of_kinds(lambda kind: kind.trace_options)
 def trace(
-    data: DataArgument,
+    data: Annotated[
+        list[Path], typer.Argument(help="a run file, or a CSV table; several runs of one bench", show_default=False)
+    ],
     as_json: JsonOption = False,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
     separator: SeparatorOption = None,
@@ -103,15 +106,21 @@ def trace(
 ) -> int:
     """Find effects missing in the declared model: residual, effect, error before and after.
 
+    Of several runs of one bench each is traced, and held against the others: what comes back is of the bench or of the
+    sensors, what does not is of its run.
+
     Examples: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`, `rig trace table.csv --response y
-    --formula "1 + x" --group batch --time t_s`
+    --formula "1 + x" --group batch --time t_s`, `rig trace RUN LATER_RUN`
     """
     from rig.tables import FileForm, FileSource  # noqa: PLC0415
     from rig.verbs.data.result import trace_source  # noqa: PLC0415
 
-    check_files([report], [data])
+    check_files([report], data)
     check_format(report, ".html", ".htm")
-    source = FileSource(data, FileForm.of(separator, decimal, encoding, header))
+    form = FileForm.of(separator, decimal, encoding, header)
+    if len(data) > 1:
+        return _several(data, given, report, form, as_json=as_json)
+    source = FileSource(data[0], form)
     if _seen(source, "trace", given, as_json=as_json):
         return ExitCode.USAGE
     found = trace_source(source, given)
@@ -121,6 +130,23 @@ def trace(
     else:
         _show_trace(found.kind, found.traced)
         show_notes(found)
+    return ExitCode.DONE
+
+
+def _several(
+    paths: Sequence[Path], given: Mapping[str, Any], report: Path | None, form: FileForm, *, as_json: bool
+) -> int:
+    """Trace runs of one bench, and say what comes back."""
+    from rig.tables import FileForm  # noqa: PLC0415
+    from rig.verbs.confirm.several import several  # noqa: PLC0415
+
+    if report is not None or form != FileForm():
+        raise UsageError("--report and the form of a table are for one file: give the run files alone")
+    found = several(paths, given)
+    if as_json:
+        print_json(found.to_json())
+    else:
+        show(found.blocks(), out)
     return ExitCode.DONE
 
 

@@ -145,13 +145,19 @@ class Confirmed:
         }
 
 
-def judge(first: First, *later: Path) -> Confirmed:
+def judge(first: First, *later: Path, anywhen: bool = False) -> Confirmed:
     """Judge every effect found by one or several later runs together.
+
+    Args:
+        first: the traced run.
+        later: files of the others.
+        anywhen: whether they may be earlier.
 
     Raises:
         UsageError: a run has another kind or other sensors, is not later, or is given twice.
     """
-    read = sorted(((read_later(first, path), path) for path in later), key=lambda run: run[0].after_s)
+    every = ((read_later(first, path, anywhen=anywhen), path) for path in later)
+    read = sorted(every, key=lambda run: run[0].after_s)
     runs, paths = tuple(run for run, _ in read), tuple(path for _, path in read)
     for (one, path), (other, _) in itertools.pairwise(read):
         if one.after_s == other.after_s:
@@ -194,7 +200,7 @@ def sentences(confirmed: Confirmed) -> Iterator[str]:
 def _sentence(answer: Confirmation) -> str:
     if answer.verdict == "confirmed":
         others = [m.effect for m in answer.members[1:]]
-        excluded = f"; {_listed(others)} {'is' if len(others) == 1 else 'are'} excluded" if others else ""
+        excluded = f"; {listed(others)} {'is' if len(others) == 1 else 'are'} excluded" if others else ""
         return f"{answer.effect} is confirmed by a further run{excluded}."
     if answer.verdict == "replaced":
         return f"What was named {answer.effect} is {answer.members[0].effect}: a further run distinguishes them."
@@ -203,7 +209,7 @@ def _sentence(answer: Confirmation) -> str:
     if answer.verdict == "not shown":
         return f"The further run does not show {answer.effect}: it is not distinguishable from zero."
     if answer.verdict == "undecided":
-        return f"A further run leaves {_listed(answer.holding)} undecided."
+        return f"A further run leaves {listed(answer.holding)} undecided."
     why = "; ".join(f"{m.effect}: {_against(m)}" for m in answer.members)
     return f"No explanation holds: {why}. The cause is a different one, or it changed between the runs."
 
@@ -238,7 +244,7 @@ def evidence(answer: Confirmation) -> str:
     text += f"; excluded: {'; '.join(why)}." if why else "."
     if answer.verdict in ("confirmed", "replaced") and best.zero:
         text += (
-            f" By the further run alone the 95 % interval of {_listed(best.zero)} contains zero: that run also has "
+            f" By the further run alone the 95 % interval of {listed(best.zero)} contains zero: that run also has "
             "to determine the declared model and the other effects; the verdict uses both runs together, with "
             f"{_ends(best)}."
         )
@@ -251,7 +257,7 @@ def may_be_beside(answer: Confirmation) -> str:
         return ""
     parts = [f"{one.effect} up to {100 * one.up_to:.0f} %" for one in answer.minor_causes]
     return (
-        f"Two causes at once are not excluded: of what was found, beside {answer.holding[0]} may be {_listed(parts)} "
+        f"Two causes at once are not excluded: of what was found, beside {answer.holding[0]} may be {listed(parts)} "
         "(95 %), and its size would be another by as much. A longer further run narrows this."
     )
 
@@ -303,5 +309,6 @@ def sizes(member: Member) -> list[str]:
     return list(different) if len(different) == 1 else [f"{name}: {size}" for name, size in member.sizes.items()]
 
 
-def _listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str]) -> str:
+    """Names in a sentence: "a, b and c"."""
     return " and ".join(names) if len(names) < 3 else ", ".join(names[:-1]) + " and " + names[-1]

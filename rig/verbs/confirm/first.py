@@ -14,6 +14,7 @@ from rig.by_kind import Traced, known, trace_table
 from rig.errors import UsageError
 from rig.fitter.confirm import Later, Question, questions_of
 from rig.fitter.effects.manual_changes import Done
+from rig.options_of_kinds import chosen
 from rig.procedures.evaluate.confirming import Confirming
 from rig.procedures.kind import Procedure
 from rig.procedures.kinds import kind_of
@@ -22,7 +23,7 @@ from rig.procedures.tables.table import Table
 from rig.run_file.events.by_hand import DoneByHand
 from rig.run_file.read.reader import RunReader
 from rig.runs.plans import plan_of
-from rig.tables import run_table
+from rig.tables import FileSource, run_table
 
 DAY_S = 86400.0
 
@@ -147,8 +148,15 @@ def open_traced(path: Path, read: Callable[[Path], Table] = run_table, /, **opti
     )
 
 
-def read_later(first: First, path: Path) -> Later:
-    """A later run.
+def open_asked(path: Path, given: Mapping[str, Any]) -> First:
+    """A run, traced with those of the given options that its kind declares; errors as for `open_traced`."""
+    check_run_file(path)
+    _, options = chosen(FileSource(path), given, lambda kind: kind.trace_options)
+    return open_traced(path, **options.model_dump(exclude_unset=True))
+
+
+def read_later(first: First, path: Path, *, anywhen: bool = False) -> Later:
+    """A later run; with `anywhen` also an earlier one, as if it had been made as long after.
 
     Raises:
         UsageError: it has another kind, began before the first, or only one of them is simulated.
@@ -182,12 +190,10 @@ def read_later(first: First, path: Path) -> Later:
     after_s = began_utc_s - first.began_utc_s
     if path.resolve() == first.path.resolve():
         raise UsageError(f"{path} is the traced run itself: name a later one, made by rig confirm {shell_word(path)}")
-    if after_s <= 0:
+    if after_s == 0 or (after_s < 0 and not anywhen):
+        before = "" if anywhen else " or before it: a confirming run must be later"
         dry = "; a dry run begins at its world's epoch: give the world of the later one a later `epoch`"
-        raise UsageError(
-            f"{path} began at the time of {first.path} or before it: a confirming run must be later"
-            f"{dry if first.dry else ''}"
-        )
+        raise UsageError(f"{path} began at the time of {first.path}{before}{dry if first.dry else ''}")
     data = first.confirming.later(table)
     done = tuple(Done(word, data.elapsed_s > at_s, first.confirming.anew(word)) for word, at_s in changes)
-    return Later(data, after_s, done)
+    return Later(data, abs(after_s), done)
