@@ -163,7 +163,7 @@ _SAID: tuple[Returns, ...] = ("shown", "other size", "absent", "unknown")
 
 
 def _said(answer: Confirmation) -> Returns:
-    """Answer for the explanation that is seen most clearly: a misfit by what else the other run has says nothing here."""
+    """Answer for the explanation that is seen best; a misfit by what else the other run has does not count."""
     return min((member.returns for member in answer.members), key=_SAID.index)
 
 
