@@ -159,6 +159,8 @@ class Finding:
         size_95: 95 % interval of the size in words; None if there is none.
         sentence: a self-contained sentence about it; "" before it is written.
         shape: of a remainder without a name, as a curve or a surface; None for others, and where it has none.
+        shared: that all sensors of the run have it alike, and what would tell them from what they share, sentences; ""
+            if they have not.
         more: keys of JSON of one kind of run only.
     """
 
@@ -183,6 +185,7 @@ class Finding:
     size_95: str | None = None
     sentence: str = ""
     shape: Shape | None = None
+    shared: str = ""
     more: Mapping[str, JsonValue] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:

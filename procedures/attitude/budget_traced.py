@@ -84,6 +84,11 @@ class TracedEvaluation(AttitudeEvaluation):
         for named, members in by_named.items():
             yield alike(named, members)
 
+    def holds(self) -> Mapping[str, Mapping[str, str]]:
+        """See `Evaluation`."""
+        names = {sensor for by in self._effects.values() for sensor in by}
+        return {s: {name: "without it" for name, by in self._effects.items() if s in by} for s in names}
+
     def notes(self) -> Iterable[str]:
         """Sentences about the scatter."""
         if self._effects:

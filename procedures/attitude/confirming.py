@@ -57,7 +57,7 @@ class AttitudeConfirming(Confirming):
 
     def own_words(self, *, realigned: bool) -> str:
         """Parameters estimated from the further run itself for its prediction, in words; "" if there are none."""
-        return "offset and sensitive axes are the further run's own" if realigned else ""
+        return "offset and sensitive axes are fitted to the further run" if realigned else ""
 
     def later(self, table: Table) -> AttitudeData:
         """Observations of a later run. Raises `DataError`."""

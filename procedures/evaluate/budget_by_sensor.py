@@ -57,6 +57,9 @@ class EvaluationBySensor(Evaluation):
     def each(self) -> Sequence[Calibrated]:
         """The sensors, in the order of the results."""
 
+    scatter = SCATTER
+    """Name and source of the covariance by the fit."""
+
     def reversibility(self) -> Iterator[TypeA]:
         """Differences between rising and falling series, as covariances of the results, which are half-way between."""
         ends = np.cumsum([len(list(one.named())) for one in self.each])
@@ -91,7 +94,7 @@ class EvaluationBySensor(Evaluation):
             raise FitError(f"{lost}: it is not determined there; choose another point with --at")
         names, units, sensors = zip(*named, strict=True)
         parts = [one.scatter() for one in self.each]
-        type_a = TypeA(together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), *SCATTER)
+        type_a = TypeA(together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), *self.scatter)
         at = [place for one in self.each for place in _places(one)]
         return Results(names, units, values, type_a, sensors, np.concatenate([p[2] for p in parts]), tuple(at))
 

@@ -72,6 +72,8 @@ class Results:
 NOT_COVERED = ": intervals of rig infer do not cover it"
 SCATTER = ("scatter of readings", "the run")
 """Name and source of the covariance by the fit and, for inferred values, by one reading in use."""
+OF_PLOTS = ("scatter of whole plots and readings", "the run")
+"""The same where whole plots have errors of their own."""
 
 
 def together(parts: Sequence[FloatArray]) -> FloatArray:
@@ -134,6 +136,14 @@ class Evaluation(ABC):
 
     def residuals(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
         """(n,) residuals of the fit by sensor, with additions to columns; none where scatter needs no repeats."""
+        return {}
+
+    def modelled(self) -> Mapping[str, FloatArray]:
+        """(n,) output of each observation by the model, with all effects that it has or leaves out, by sensor."""
+        return {name: self.columns[name] - left for name, left in self.residuals({}).items()}
+
+    def holds(self) -> Mapping[str, Mapping[str, str]]:
+        """For which state results hold where an effect is left out of them, in words, by sensor and effect."""
         return {}
 
     def explain(self, expected: Mapping[str, float]) -> None:  # noqa: B027 - most have no repeats

@@ -173,16 +173,19 @@ class ConfirmedFit:
         record: both runs, and the used explanation of every effect.
         evaluation: the same model in the evaluation of the run for its budgets, by points and constants of the place
             as for `Kind.evaluation`; None where budgets have no such model.
+        beyond: settled effects that the model cannot have.
     """
 
     fitted: Fitted
     record: dict[str, Any]
     evaluation: Callable[[Sequence[Mapping[str, float]], Mapping[str, float]], Evaluation] | None = None
+    beyond: tuple[str, ...] = ()
 
     @property
     def without(self) -> list[str]:
-        """Effects of which nothing is in the calibration, since no further run settled their cause."""
-        return [str(one["named"]) for one in self.record["effects"] if one["verdict"] not in SETTLED]
+        """Effects of which nothing is in the calibration."""
+        left = [str(one["named"]) for one in self.record["effects"] if one["verdict"] not in SETTLED]
+        return [*left, *self.beyond]
 
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig fit --json`."""

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 IN_SCATTER = (
     "{name}: independent in every observation, so it is in the scatter of the run already, and has no line of its own"
 )
-UNUSED = "{name}: no result here depends on it"
+UNUSED = "{name}: the model of the results does not use it"
 NEGLIGIBLE = 1e-12
 Coefficients = Mapping[str, FloatArray]
 """(k,) coefficients by sensor."""

@@ -15,6 +15,7 @@ from rig.fitter.formula import Formula
 from rig.procedures.column_names import spelled, unit_of
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.budget_by_sensor import EvaluationBySensor
+from rig.procedures.evaluate.budgeting import OF_PLOTS, SCATTER
 from rig.procedures.general.budget_sensor import Sensor
 from rig.procedures.general.model_settings import SensorModel
 from rig.procedures.general.of_runs import declared_of, has_whole_plots, models_of
@@ -55,6 +56,7 @@ class GeneralEvaluation(EvaluationBySensor):
         plots = ("whole_plot",) if has_whole_plots(table) else ()
         points = {name: np.array([one[name] for one in at]) for name in (at[0] if at else ())}
         self._table = table
+        self.scatter = OF_PLOTS if plots else SCATTER
         self._each = [
             Sensor(name, table, declared_of(model, table), plots, points, abscissa=_abscissa(name, model, table))
             for name, model in (models_of(table) if models is None else models).items()

@@ -48,6 +48,15 @@ class TracedEvaluation(GeneralEvaluation):
         """Outcomes of the trace, if the model has its effects, and the kind has `grids`."""
         return self._found.outcomes
 
+    def modelled(self) -> Mapping[str, FloatArray]:
+        """See `Evaluation`."""
+        off = {output: each.sum(axis=1) for output, each in self._found.off.items()}
+        return {output: values + off.get(output, 0.0) for output, values in super().modelled().items()}
+
+    def holds(self) -> Mapping[str, Mapping[str, str]]:
+        """See `Evaluation`."""
+        return self._found.holds
+
     def moved_to(self, at: Sequence[Mapping[str, float]]) -> TracedEvaluation:
         """This evaluation at other points."""
         return TracedEvaluation(self._recorded, at, self._found)

@@ -62,10 +62,12 @@ class Common:
         settings = [name for name in self.same_in if name not in {spelled(unit_of(one)) for one in self.outputs}]
         places = [*(["a supply or reader that they share"] if len(settings) < len(self.same_in) else [])]
         places += [f"the source or the reference of {name}" for name in settings]
-        tells = "read one of them with another reader, and repeat the run with another reference standard"
+        tells = ["read one of them with another reader or supply"] if len(settings) < len(self.same_in) else []
+        tells += [f"repeat the run with another source or reference of {name}" for name in settings]
         return (
-            f"{self.effect} is common to {count}: of one size {' and '.join(pairs)}, within errors. One cause outside "
-            f"of them is more likely than {len(self.outputs)} alike: {', '.join(places)}. To tell: {tells}"
+            f"{self.effect} is common to {count}: of one size {' and '.join(pairs)}, within errors. Runs like this one "
+            f"cannot tell the sensors from what they share: {', '.join(places)}. One cause there is more likely than "
+            f"{len(self.outputs)} alike. To tell: {', and '.join(tells)}"
         )
 
     def to_json(self) -> dict[str, Any]:

@@ -110,7 +110,11 @@ class GeneralConfirming(Confirming):
 
     def own_words(self, *, realigned: bool) -> str:
         """Parameters estimated from the further run itself for its prediction, in words; "" if there are none."""
-        return "what of earlier settings was remembered at its start is its own" if self.found.remembered else ""
+        return (
+            "what was remembered of earlier settings when the further run began is fitted to that run"
+            if self.found.remembered
+            else ""
+        )
 
     def later(self, table: Table) -> Observations:
         """Observations of a later run. Raises `DataError`."""

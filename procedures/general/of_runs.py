@@ -206,7 +206,14 @@ class RunTraced:
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:
         """One outcome per sensor."""
-        return tuple(one.outcome for one in self.each.values())
+        shared = {one.effect: one.sentence for one in self.common if one.same_in}
+        return tuple(
+            replace(
+                one.outcome,
+                findings=tuple(replace(f, shared=shared.get(f.effect, "")) for f in one.outcome.findings),
+            )
+            for one in self.each.values()
+        )
 
     @cached_property
     def common(self) -> tuple[Common, ...]:

@@ -31,7 +31,7 @@ from rig.procedures.general.trace import FoundTableEffect, TableTrace
 from rig.procedures.general.trace.estimate import of_constants
 from rig.procedures.tables.table import Table
 
-KNOWN = "intervals have no part for the error of this effect, and hold in that state alone"
+KNOWN = "intervals of the fit itself hold in that state alone, and have no part for the error of this effect"
 HALF_WAY = "half-way between both directions"
 _NAME = re.compile(r"[^\W\d]\w*")
 
@@ -65,6 +65,7 @@ class WithEffects:
         slopes: (n, c) their changes with searched constants.
         by_side: (n,) the part of them that is of the direction of approach, or that these data cannot separate from it.
         outcomes: of the trace, one for each sensor.
+        holds: for which state the calibration holds without an effect, in words, by output and effect.
     """
 
     asked: RunModels
@@ -74,6 +75,7 @@ class WithEffects:
     slopes: Mapping[str, FloatArray]
     by_side: Mapping[str, FloatArray]
     outcomes: Sequence[Outcome]
+    holds: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
 def fit_traced(asked: RunModels, leave_out: Sequence[str], own: Sequence[Entry]) -> RunFitted:
@@ -100,6 +102,7 @@ def with_effects(
     """
     parts: dict[str, dict[str, Part]] = {output: {} for output in asked.models}
     notes: dict[str, list[str]] = {output: [] for output in asked.models}
+    holds: dict[str, dict[str, str]] = {output: {} for output in asked.models}
     replaced: list[tuple[str, str, str, Part]] = []
     for output, one in traced.each.items():
         for effect in one.trace.added if output in parts else ():
@@ -116,6 +119,8 @@ def with_effects(
                     continue
                 part = every[name]
             parts[output][effect.effect] = part
+            if part.holds:
+                holds[output][name] = part.holds
             notes[output].append(_used(name, part, output, asked.table, covered=covered))
     for output in traced.not_traced:
         notes[output] = ["it was not traced: its declared model is not linear in its coefficients"]
@@ -133,7 +138,7 @@ def with_effects(
         sided = [part.off[back] for name, part in by.items() if part.holds == HALF_WAY or (output, name) in perhaps]
         if sided:
             by_side[output] = np.asarray(np.sum(sided, axis=0))
-    return WithEffects(_run_with(asked, parts), notes, tuple(runs), off, slopes, by_side, traced.outcomes)
+    return WithEffects(_run_with(asked, parts), notes, tuple(runs), off, slopes, by_side, traced.outcomes, holds)
 
 
 def _run_with(asked: RunModels, parts: Mapping[str, Mapping[str, Part]]) -> RunModels:
@@ -160,8 +165,8 @@ def _used(name: str, part: Part, output: str, table: Table, *, covered: bool) ->
         own = "the difference is in their uncertainty, as reversibility" if both_ways else _OF_THAT_STATE
         inside = own if covered else KNOWN
         return (
-            f"{name} was fitted and is left out of the calibration, which holds {part.holds}. In the run "
-            f"{output} was up to {size} away from that: {inside}"
+            f"{name} was fitted and taken off: the calibration holds {part.holds}. In the run {output} was up to "
+            f"{size} away from that: {inside}"
         )
     told = f"{name} is in the calibration: {', '.join(part.terms)}"
     used = [one for one in recorded(table) if any(one in _NAME.findall(term) for term in part.terms)]

@@ -16,7 +16,7 @@ from rig.fitter.linear import orthonormal
 from rig.fitter.strata import DIFFER, by_side, reversed_by, sides_of
 from rig.fitter.sums_of_squares import FTest, project_out
 from rig.procedures.evaluate.budget_by_sensor import EvaluationBySensor
-from rig.procedures.evaluate.budgeting import Shift, Shifts
+from rig.procedures.evaluate.budgeting import OF_PLOTS, Shift, Shifts
 from rig.procedures.evaluate.reversibility import in_words
 from rig.procedures.evaluate.stated import PlaceConstant
 from rig.procedures.pressure.data import WholePlotData
@@ -160,6 +160,8 @@ class Transducer:
 class PressureEvaluation(EvaluationBySensor):
     """All transducers of a run, by the declared model and GLS."""
 
+    scatter = OF_PLOTS
+
     def __init__(self, data: WholePlotData, model: str, at: Sequence[Point], extra: Sequence[str] = ()) -> None:
         self._data = data
         points = np.array(at, np.float64).reshape(-1, 3)
@@ -170,6 +172,12 @@ class PressureEvaluation(EvaluationBySensor):
     def each(self) -> Sequence[Transducer]:
         """The sensors, in the order of the results."""
         return self._each
+
+    def modelled(self) -> Mapping[str, FloatArray]:
+        """See `Evaluation`."""
+        return {
+            one.name: one.fit.problem.formula.columns(one.fit.problem.data.table)[1] @ one.fitted for one in self._each
+        }
 
     def described(self, sensor: str) -> str:
         """How a sensor's output follows from its coefficients, a sentence; "" if it is not said."""

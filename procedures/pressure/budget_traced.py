@@ -52,6 +52,7 @@ class TracedEvaluation(PressureEvaluation):
         without = {name for name, terms in self._terms.items() if not terms}
         passing = {name for name in without if _named(trace, name).against in _PASSING}
         self._off = {name: _off(name, trace, data) for name in passing}
+        self._held = {name: _state(name, trace) for name in passing}
         self._stays = {name: _added(name, trace) for name in without - passing}
         outputs = dict(data.outputs)
         for by_sensor in self._off.values():
@@ -82,6 +83,21 @@ class TracedEvaluation(PressureEvaluation):
                 found.append((name, other.effect, moved if np.isfinite(moved).all() else None))
         return found
 
+    def modelled(self) -> Mapping[str, FloatArray]:
+        """See `Evaluation`."""
+        found = dict(super().modelled())
+        for sensor, mV in (pair for by in self._off.values() for pair in by.items()):
+            found[sensor] = found[sensor] + mV
+        return found
+
+    def holds(self) -> Mapping[str, Mapping[str, str]]:
+        """See `Evaluation`."""
+        found: dict[str, dict[str, str]] = {one.name: {} for one in self._each}
+        for name, by in self._off.items():
+            for sensor in by:
+                found[sensor][name] = self._held[name]
+        return found
+
     def _part(self, name: str, own: Transducer, other: Transducer) -> FloatArray:
         moved = _difference(own, other)
         return moved if own.name in self._concerned[name] else np.zeros_like(moved)
@@ -109,8 +125,7 @@ class TracedEvaluation(PressureEvaluation):
                 size = max(float(np.max(np.abs(mV))) for mV in self._off[name].values())
                 yield (
                     f"{name} is no function of pressure and temperatures: it was taken off the outputs at the size "
-                    f"that the trace found, up to {size:.3g} mV; results are those at rest, for an effect of time in "
-                    f"its mean over the run"
+                    f"that the trace found, up to {size:.3g} mV; results hold {self._held[name]}"
                 )
         for named, member, moved in self._moved:
             if moved is None:
@@ -129,13 +144,26 @@ def _added(name: str, trace: WholePlotTrace) -> Mapping[str, FloatArray]:
     return {sensor: e.contribution_mV for sensor, e in pairs}
 
 
+def _of_time(name: str, trace: WholePlotTrace) -> bool:
+    """Whether an effect goes on in time: results hold for its mean over the run."""
+    one = _named(trace, name)
+    return name not in _ENDS and (one.against == "elapsed_s" or one.source == "time")
+
+
+def _state(name: str, trace: WholePlotTrace) -> str:
+    """For which state results hold without an effect, in words."""
+    if _of_time(name, trace):
+        return "for its mean over the run"
+    return "half-way between both directions" if _named(trace, name).against == "pressure_side" else "at rest"
+
+
 def _off(name: str, trace: WholePlotTrace, data: WholePlotData) -> Mapping[str, FloatArray]:
     """(n,) the part of it that is not there at rest; of an effect of time, off its mean at each pressure.
 
     Every whole plot has the same pressures, so a straight line over the pressure is that mean.
     """
-    one, found = _named(trace, name), _added(name, trace)
-    if name in _ENDS or not (one.against == "elapsed_s" or one.source == "time"):
+    found = _added(name, trace)
+    if not _of_time(name, trace):
         return found
     line = np.column_stack([np.ones(len(data)), data.pressure_psia])
     return {sensor: mV - line @ np.linalg.lstsq(line, mV, rcond=None)[0] for sensor, mV in found.items()}

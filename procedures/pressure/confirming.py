@@ -28,6 +28,8 @@ from rig.procedures.pressure.table import whole_plot_data
 from rig.procedures.pressure.together import WholePlotTogether
 from rig.procedures.tables.table import Table
 
+_NOT_OURS = "it is no function of pressure and temperatures: the calibration does not have it"
+
 
 @dataclass(frozen=True, eq=False)
 class WholePlotConfirming(Confirming):
@@ -140,8 +142,7 @@ class WholePlotConfirming(Confirming):
             if answer.verdict not in SETTLED:
                 effect["used"] = f"{effect['told']}: nothing was added to the calibration for it"
             elif not effect["terms"]:
-                why = "it is no function of pressure and temperatures: the calibration does not have it"
-                effect["used"] = f"{effect['told']}; {why}"
+                effect["used"] = f"{effect['told']}; {_NOT_OURS}"
         model = options.formula or self.traced.table.declared.get("formula") or "full"
         fitted = fit_whole_plots(self.traced.table, model, **{**given, "add": tuple(terms)})
         plain = set(given) <= {"add", "exclude_zero"} and not options.exclude_zero
@@ -149,6 +150,9 @@ class WholePlotConfirming(Confirming):
             fitted,
             record,
             (lambda at, _: pressure_evaluation(self.traced.table, model, at, extra=terms)) if plain else None,
+            tuple(
+                one.effect for one, e in zip(answers, record["effects"], strict=True) if e["used"].endswith(_NOT_OURS)
+            ),
         )
 
     def _planned(self, run_list: RunList) -> WholePlotData:

@@ -62,6 +62,14 @@ def budget(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="of the simulation; the same seed gives the same numbers")] = 1,
+    confirmed_by: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--confirmed-by",
+            help="a further run (rig confirm): effects that it settled are in the model; repeatable",
+            show_default=False,
+        ),
+    ] = None,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
     as_json: JsonOption = False,
     *,
@@ -79,10 +87,10 @@ def budget(
     from rig.procedures.evaluate.points import points  # noqa: PLC0415
     from rig.verbs.budget.result import budget as budget_run  # noqa: PLC0415
 
-    check_files([report], [run_file, *filter(None, (equipment,))])
+    check_files([report], [run_file, *(confirmed_by or ()), *filter(None, (equipment,))])
     check_format(report, ".html", ".htm")
     asked: dict[str, Any] = {"equipment": equipment, "same_meter": same_meter, "probability": probability, **given}
-    asked["after_days"] = after_days
+    asked |= {"after_days": after_days, "confirmed_by": confirmed_by or ()}
     with counting("simulated evaluations", monte_carlo) if monte_carlo is not None else nullcontext() as one_more:
         each = None if one_more is None else partial(one_more, "")
         found = budget_run(

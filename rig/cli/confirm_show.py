@@ -41,7 +41,8 @@ def show_open(first: First, never: Sequence[Inseparable]) -> None:
         near = ", ".join(f"{m.effect} ({m.sigmas:.1f} standard errors)" for m in question.members if m.near)
         told = [f"these data do not distinguish it from {', '.join(alike)}"] if alike else []
         told += [f"less clearly excluded, and so judged again by the further run: {near}"] if near else []
-        text = "; ".join(told) or "these data exclude every other cause"
+        told += [shared] if (shared := first.shared(question.effect)) else []
+        text = "; ".join(told) or "these data exclude every other cause of the catalogue"
         out.print(f"[bold]{escape(question.effect)}[/]: {escape(text)}", soft_wrap=True)
     for one in never:
         a, b = one.pair
@@ -130,7 +131,7 @@ def show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *
     out.print()
     out.print(errors)
     if confirmed.own:
-        out.print(f"  of both models: {confirmed.own}", soft_wrap=True)
+        out.print(f"  for both models, {confirmed.own}", soft_wrap=True)
     out.print()
     for sentence in sentences(confirmed):
         out.print(escape(sentence), soft_wrap=True)

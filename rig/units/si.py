@@ -165,9 +165,12 @@ def per_term(unit: str) -> str:
 
     All divisors stand in one bracket: `Hz*min/(kg*degC)`.
 
-    The units of a term are the ends of its names. A unit of a term with functions is unchanged.
+    The units of a term are the ends of its names. Of arithmetic, `I(...)`, products of them are known, also less a
+    number: of `Hz per unit of I((oven_degC - 25) * force_kN)` it is `Hz/(degC*kN)`. A unit of a term with functions is
+    unchanged.
     """
     own, between, term = unit.partition(" per unit of ")
+    term = _SHIFTED.sub(r"\1", whole[1] if (whole := _WHOLE_TERM.fullmatch(term)) else term)
     found = [_FACTOR_OF_TERM.fullmatch(one.strip()) for one in re.split(r"[:*](?!\*)(?<!\*\*)", term)]
     factors = [(split_unit(one[1]), int(one[2] or 1)) for one in found if one is not None]
     if not between or len(factors) < len(found) or not all(stem and _is_plain(unit) for (stem, unit), _ in factors):
@@ -194,6 +197,9 @@ def _raised_to(part: str, power: int) -> str:
 
 
 _FACTOR_OF_TERM = re.compile(r"([A-Za-z]\w*_[A-Za-z]\w*?)(?:(?:\^|\*\*)(\d+))?")
+_WHOLE_TERM = re.compile(r"I\((.*)\)")
+_SHIFTED = re.compile(r"\(([A-Za-z]\w*) [-+] [\d.]+(?:e[-+]?\d+)?\)")
+"""A variable less a number, which has the unit of the variable."""
 _LETTERS = re.compile(r"([A-Za-z]+)(\d*)")
 
 

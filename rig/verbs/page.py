@@ -12,6 +12,7 @@ from typing import NamedTuple
 import jinja2
 
 from rig.procedures.evaluate.results import Page
+from rig.procedures.present.durations import duration
 from rig.procedures.present.pictures import png
 from rig.procedures.present.words import incomplete
 from rig.procedures.tables.table import CORRECTED
@@ -47,7 +48,7 @@ def render(page: Page) -> str:
             simulated=table.simulated,
             points=len(table),
             incomplete=incomplete(table.provenance),
-            span=f"{page.span_s / 3600.0:.1f} h",
+            span=duration(page.span_s),
             provenance=list(provenance.items()),
             story=story(Path(table.source)) if "run_id" in provenance else [],
             **page.contents,

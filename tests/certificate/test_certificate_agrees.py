@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from rig.verbs.certificate.parts_in_numbers import effects, found_in, models, notes
+from rig.verbs.budget.found import Found
+from rig.verbs.certificate.parts_in_numbers import effects, models, notes
 
 NOTE = (
     "cell_V: drift:elapsed_s: it is doubtful: two causes do as well; these data cannot separate it from "
@@ -61,6 +62,7 @@ def test_the_state_of_the_effect_says_what_was_excluded():
         size_95="",
         cause="drifts",
         aliases=("ageing:elapsed_s",),
+        shared="",
     )
     outcome = SimpleNamespace(sensor="cell_V", findings=[finding])
     (one,) = effects(run(), [outcome], confirmed(), "", {Path("later.sqlite"): "ab" * 16})
@@ -75,11 +77,9 @@ def test_the_state_of_the_effect_says_what_was_excluded():
 def test_an_effect_that_a_further_run_replaced_has_one_name_on_the_page():
     """The table of effects said setting-lag, the line of the budget carry-over."""
     found = [SimpleNamespace(sensor="mfs_Hz", named=[SimpleNamespace(kind="effect", effect="carry-over:flow")])]
-    answer = SimpleNamespace(effect="carry-over:flow", verdict="replaced", members=[member("lag:flow", holds=True)])
-    told = SimpleNamespace(answers=[answer])
-    assert found_in(found, told) == {"mfs_Hz": ("lag:flow (named carry-over:flow by the trace)",)}
-    assert found_in(found, None) == found_in(found, confirmed()) == {"mfs_Hz": ("carry-over:flow",)}
-    about = SimpleNamespace(of=SimpleNamespace(table=SimpleNamespace(outputs={"mfs_Hz": "mfs"})), undeclared=())
-    (said,) = models(about, "", found, told, accepted=False)
-    assert "(mfs: lag:flow (named carry-over:flow by the trace))" in said
+    answer = SimpleNamespace(effect="carry-over:flow", verdict="replaced", holding=("lag:flow",))
+    about = SimpleNamespace(of=SimpleNamespace(table=SimpleNamespace(outputs={"mfs_Hz": "mfs"})), lacks={})
+    about.evaluation = SimpleNamespace(holds=lambda: {"mfs_Hz": {"lag:flow": "at rest"}})
+    (said,) = models(about, "", Found(found, SimpleNamespace(answers=[answer])))
+    assert said.endswith("with the effects that were found (mfs: lag:flow (at rest)).")
     assert "rig " not in said, "a customer's page has no command lines"

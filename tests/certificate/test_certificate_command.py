@@ -7,7 +7,6 @@ import json
 import re
 from dataclasses import replace
 from datetime import date
-from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -27,7 +26,8 @@ from rig.procedures.plan import hand_steps
 from rig.run_file.read.reader import RunReader
 from rig.tables import run_table
 from rig.units.si import per_term
-from rig.verbs.budget.evaluation import checked_run
+from rig.verbs.budget.evaluation import checked_run, run_with_register
+from rig.verbs.budget.found import Found, found_in
 from rig.verbs.budget.result import budget
 from rig.verbs.certificate.files import changes, write_once
 from rig.verbs.certificate.issue import Issue, issue
@@ -63,10 +63,18 @@ def asked(run: Path, settings: Path, **more: object) -> CertificateRequest:
 @pytest.fixture(autouse=True)
 def traced_once(monkeypatch):
     """The trace of a run follows from the run alone: made once for all tests."""
-    monkeypatch.setitem(read_run.__globals__, "_traced", TRACED)
+    monkeypatch.setitem(read_run.__globals__, "found_in", TRACED)
 
 
-TRACED = cache(read_run.__globals__["_traced"])
+_FOUND: dict[tuple[Path, tuple[Path, ...]], Found] = {}
+
+
+def TRACED(of, path, later=(), equipment=None) -> Found:
+    """What a trace finds, once for each file."""
+    key = (path, tuple(later))
+    if key not in _FOUND:
+        _FOUND[key] = found_in(of, path, later, equipment)
+    return _FOUND[key]
 
 
 @pytest.fixture
@@ -272,8 +280,8 @@ OF_BOTH = {"force_kN = 4": ("force_kN = 9", "force_kN = 9 is outside the run")}
 def test_no_reason_hides_another(run, bare, tmp_path, monkeypatch, register):
     """Every fault that can be beside the others, all at once: each is said, so none of any two or three is hidden."""
     finding = Finding("effect", "the cell creeps", "replication", 0.5, effect="creep", doubtful="a curve fits as well")
-    outcomes = [replace(one, findings=(finding,)) for one in TRACED(run, (), quick=False)[0]]
-    monkeypatch.setitem(read_run.__globals__, "_traced", lambda *_, **__: (outcomes, None))
+    outcomes = [replace(one, findings=(finding,)) for one in TRACED(run_with_register(run), run).outcomes]
+    monkeypatch.setitem(read_run.__globals__, "found_in", lambda *_, **__: Found(outcomes))
     faults = OF_SETTINGS | (OF_BOTH if register != "unverified" else {}) | (OF_REGISTER if register == "faulty" else {})
     texts = REGISTER, SETTINGS
     for old, (new, _) in faults.items():
@@ -376,14 +384,14 @@ def test_a_changed_file_is_refused(run, tmp_path):
 def test_a_doubtful_name_is_refused_until_it_is_confirmed(made, monkeypatch, run, tmp_path):
     finding = Finding("effect", "the cell creeps", "replication", 0.5, effect="creep", doubtful="a curve fits as well")
 
-    def with_doubt(path, later, *, quick):
-        outcomes, confirmed = TRACED(path, later, quick=quick)
-        return [replace(one, findings=(finding,)) for one in outcomes], confirmed
+    def with_doubt(*given):
+        found = TRACED(*given)
+        return replace(found, outcomes=[replace(one, findings=(finding,)) for one in found.outcomes])
 
-    monkeypatch.setitem(read_run.__globals__, "_traced", with_doubt)
+    monkeypatch.setitem(read_run.__globals__, "found_in", with_doubt)
     (reason,) = reasons(run, tmp_path)
     assert "the name of effect creep is doubtful: a curve fits as well; confirm it" in reason
-    outcomes, _ = with_doubt(run, (), quick=False)
+    outcomes = with_doubt(run_with_register(run), run).outcomes
     answer = SimpleNamespace(effect="creep", verdict="confirmed", members=())
     assert list(doubtful(outcomes, None)) == [("cell_V", finding)]
     heads = {Path("later.sqlite"): "f0" * 32, Path("last.sqlite"): "1e" * 32}
@@ -427,12 +435,12 @@ def test_a_further_run_of_another_kind_or_bench_is_refused_with_what_to_run(run,
 def test_a_further_run_that_does_not_confirm_is_no_dead_end(monkeypatch, run, tmp_path, verdict, following):
     finding = Finding("effect", "the cell creeps", "replication", 0.5, effect="creep", doubtful="a curve fits as well")
 
-    def judged(path, later, *, quick):
-        outcomes, _ = TRACED(path, (), quick=quick)
-        answers = (SimpleNamespace(effect="creep", verdict=verdict, members=()),)
-        return [replace(one, findings=(finding,)) for one in outcomes], SimpleNamespace(answers=answers, paths=later)
+    def judged(of, path, later, equipment):
+        outcomes = [replace(one, findings=(finding,)) for one in TRACED(of, path).outcomes]
+        answers = (SimpleNamespace(effect="creep", verdict=verdict, members=(), holding=()),)
+        return Found(outcomes, SimpleNamespace(answers=answers, paths=later))
 
-    monkeypatch.setitem(read_run.__globals__, "_traced", judged)
+    monkeypatch.setitem(read_run.__globals__, "found_in", judged)
     later = tmp_path / "later.sqlite"
     later.write_bytes(run.read_bytes())
     (reason,) = reasons(run, tmp_path, confirmed_by=(later,))
@@ -595,7 +603,7 @@ def test_a_factor_without_influence_is_no_part_of_a_point_and_the_certificate_sa
         "force_kN = 4 }", "force_kN = 4, oven_degC = 23 }"
     )
     document = make(asked(warm, settled(tmp_path, text=text))).document
-    assert "Of the points oven_degC is not used: no result depends on it." in " ".join(document.notes)
+    assert "Of the points oven_degC is not used: the model of the results does not have it." in " ".join(document.notes)
 
 
 @pytest.mark.parametrize(
@@ -706,7 +714,7 @@ def test_a_missing_extra_is_told_before_the_work(run, tmp_path, monkeypatch, mis
         return real(name)
 
     monkeypatch.setattr(extras, "import_module", imported)
-    monkeypatch.setitem(read_run.__globals__, "_traced", None)  # would fail if it were reached
+    monkeypatch.setitem(read_run.__globals__, "found_in", None)  # would fail if it were reached
     keys = ["--key", tmp_path / "k.pem", "--key-certificate", tmp_path / "c.pem"]
     done = rig("certificate", run, "--settings", settled(tmp_path), "--out", tmp_path / "out", *keys)
     assert (done.returncode, f"pip install 'calibration-rig[{extra}]'" in done.stderr) == (2, True), done.stderr

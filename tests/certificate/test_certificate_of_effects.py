@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,7 +11,7 @@ import pytest
 from command import rig
 
 from rig.fitter.rounding import rounded_df
-from rig.verbs.budget.evaluation import budget_run, shapes_at
+from rig.verbs.budget.evaluation import budget_of, run_with_register, shapes_at
 from rig.verbs.budget.result import budget
 from rig.verbs.certificate.html import html
 from rig.verbs.certificate.request import CertificateRequest
@@ -61,19 +62,24 @@ def test_a_result_is_within_its_uncertainty_of_the_curve_at_rest(declared, trace
 
 def test_a_traced_certificate_has_the_numbers_of_the_traced_budget(run, traced):
     at = [{"force_kN": F} for F in (2, 5, 10)]
-    whole = budget_run(run, at=at, options={"traced": True})
+    whole = budget_of(run_with_register(run), at=at, options={"traced": True})
     found = {one.name: one for table in traced.document.tables for one in table.results}
     for one in whole.budgets:
         assert (found[one.name].estimate, found[one.name].standard) == (one.value, one.standard_uncertainty)
     (model,) = traced.document.models
-    assert "with the effects that were found (cell: creep:force_kN)" in model
+    assert "with the effects that were found (cell: creep:force_kN (at rest, when" in model
     assert "lies within it with the stated coverage probability" in html(traced.document)
 
 
 def test_without_acceptance_the_effect_is_a_line_of_each_result_that_it_moves(declared, traced):
     other = {one.name: one for one in traced.budgets[0].budgets}
     for one in declared.budgets[0].budgets:
-        (line,) = [c for c in one.contributions if c.name == "effects beside the declared model: creep:force_kN"]
+        (line,) = [
+            c
+            for c in one.contributions
+            if c.name
+            == "effects beside the declared model: creep:force_kN (at rest, when force_kN has long been what it is)"
+        ]
         assert line.kind == "B"
         if "inferred" not in one.name:
             assert line.standard_uncertainty >= abs(one.value - other[one.name].value)
@@ -130,14 +136,13 @@ def test_conformity_counts_the_effect(declared, traced, run, tmp_path):
 
 
 def test_an_effect_that_a_further_run_confirmed_is_in_the_results(monkeypatch, run, traced):
-    ask = read_run.__globals__["_traced"]
+    ask = read_run.__globals__["found_in"]
 
-    def judged(path, later, *, quick):
-        outcomes, _ = ask(path, (), quick=quick)
-        answer = SimpleNamespace(effect="creep:force_kN", verdict="confirmed", members=())
-        return outcomes, SimpleNamespace(answers=(answer,), paths=later)
+    def judged(of, path, later, equipment):
+        answer = SimpleNamespace(effect="creep:force_kN", verdict="confirmed", members=(), holding=("creep:force_kN",))
+        return replace(ask(of, path), confirmed=SimpleNamespace(answers=(answer,), paths=later))
 
-    monkeypatch.setitem(read_run.__globals__, "_traced", judged)
+    monkeypatch.setitem(read_run.__globals__, "found_in", judged)
     made = make(CertificateRequest((run,), DAY, settings=LAB / "certificate.toml", confirmed_by=(run,)))
     assert made.document.tables == traced.document.tables
     assert made.document.models == traced.document.models
@@ -164,7 +169,7 @@ def test_the_budget_of_a_run_has_the_numbers_of_its_certificate(run, declared):
         assert mine.expanded_uncertainty == pytest.approx(theirs.expanded_uncertainty, rel=1e-12)
         assert mine.coverage_factor == theirs.coverage_factor
     (told,) = [note for note in found.notes() if note.startswith("the run was traced")]
-    assert "the declared model lacks cell: creep:force_kN. Each result that they move has a line for them" in told
+    assert "the model of the results lacks cell: creep:force_kN. Each result that they move has a line for them" in told
     accepted = budget(run, traced=True)
     assert not [note for note in accepted.notes() if note.startswith("the run was traced")]
 

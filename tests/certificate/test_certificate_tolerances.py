@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from datetime import date
-from functools import cache
 from pathlib import Path
 
 import pytest
 from certificate_lab import ISSUED, settled, stand
 
 from rig.errors import ConfigurationError
+from rig.verbs.budget.found import Found, found_in
 from rig.verbs.certificate.layout import sections
 from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import Refused, make
@@ -27,10 +27,18 @@ def run(tmp_path_factory) -> Path:
 @pytest.fixture(autouse=True)
 def traced_once(monkeypatch):
     """The trace of a run follows from the run alone: made once for all tests."""
-    monkeypatch.setitem(read_run.__globals__, "_traced", TRACED)
+    monkeypatch.setitem(read_run.__globals__, "found_in", TRACED)
 
 
-TRACED = cache(read_run.__globals__["_traced"])
+_FOUND: dict[tuple[Path, tuple[Path, ...]], Found] = {}
+
+
+def TRACED(of, path, later=(), equipment=None) -> Found:
+    """What a trace finds, once for each file."""
+    key = (path, tuple(later))
+    if key not in _FOUND:
+        _FOUND[key] = found_in(of, path, later, equipment)
+    return _FOUND[key]
 
 
 def made(run: Path, folder: Path, tolerance: str):

@@ -13,6 +13,7 @@ from certificate_lab import ISSUED, REGISTER, SETTINGS, settled, stand
 from rig.dcc.read_dcc import parsed
 from rig.errors import ConfigurationError
 from rig.register import parse_register
+from rig.verbs.budget.found import Found
 from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.as_dcc import dcc
 from rig.verbs.certificate.blocks import Grid
@@ -65,7 +66,7 @@ def run(tmp_path_factory) -> Path:
 @pytest.fixture(autouse=True)
 def no_trace(monkeypatch):
     """No effect is looked for: none is in this world."""
-    monkeypatch.setitem(read_run.__globals__, "_traced", lambda *_, **__: ((), None))
+    monkeypatch.setitem(read_run.__globals__, "found_in", lambda *_, **__: Found(()))
 
 
 @pytest.fixture

@@ -156,7 +156,7 @@ def test_errors_that_are_in_the_scatter_or_act_on_nothing_are_named():
         stated("thermometer", {"sensor_temperature_degC": 1.0}, "offset", always(0.1)),
     ).notes
     assert "jitter: independent in every observation, so it is in the scatter" in notes[0]
-    assert notes[1] == "thermometer: no result here depends on it"
+    assert notes[1] == "thermometer: the model of the results does not use it"
 
 
 def test_corrections_are_added_in_the_units_of_the_columns():

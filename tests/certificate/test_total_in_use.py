@@ -12,7 +12,7 @@ from command import rig
 
 from rig.errors import UsageError
 from rig.procedures.evaluate.points import points
-from rig.verbs.budget.evaluation import budget_run
+from rig.verbs.budget.evaluation import budget_of, run_with_register
 from rig.verbs.infer import csv_reader, infer, read_calibration
 
 ROOT = Path(__file__).parents[2]
@@ -51,7 +51,7 @@ def kept(request, tmp_path_factory):
     told = {}
     for same in (False, True):
         asked = {"formula": options[1]} if options else {}  # both are of the declared model
-        made = budget_run(run, equipment=register, at=points([at]), same_meter=same, options=asked)
+        made = budget_of(run_with_register(run, register), at=points([at]), same_meter=same, options=asked)
         told[same] = {one.name.partition(" at ")[0]: vars(one) for one in made.budgets}
     return file, told, outputs, beside, inferred
 

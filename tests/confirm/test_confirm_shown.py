@@ -138,7 +138,7 @@ def test_errors_of_outputs_in_different_units_have_their_own():
 @pytest.mark.parametrize(
     ("alike", "near", "says"),
     [
-        ((), (), "these data exclude every other cause"),
+        ((), (), "these data exclude every other cause of the catalogue"),
         ((), ("b",), "less clearly excluded, and so judged again by the further run: b (3.5 standard errors)"),
         (("c",), (), "these data do not distinguish it from c"),
     ],
@@ -147,5 +147,5 @@ def test_an_open_question_is_told_in_one_way(capsys, alike, near, says):
     members = [SimpleNamespace(effect="a", near=False, sigmas=0.0)]
     members += [SimpleNamespace(effect=name, near=name in near, sigmas=3.5) for name in (*alike, *near)]
     question = SimpleNamespace(effect="a", members=tuple(members))
-    confirm_show.show_open(SimpleNamespace(questions=(question,)), ())
+    confirm_show.show_open(SimpleNamespace(questions=(question,), shared=lambda effect: ""), ())
     assert capsys.readouterr().out.splitlines() == [f"a: {says}"]

@@ -77,7 +77,7 @@ def test_a_calibration_by_a_confirmed_lag_is_that_of_the_trace(first, later):
     confirmed, traced = ({term: value["estimate"] for term, value in one["coefficients"].items()} for one in told)
     assert confirmed == traced
     (effect,) = told[0]["confirmed_by"]["effects"]
-    assert "setting-lag:flow_kg_per_min was fitted and is left out of the calibration" in effect["used"]
+    assert "setting-lag:flow_kg_per_min was fitted and taken off" in effect["used"]
 
 
 def test_a_lag_that_is_half_as_large_again_in_the_further_run_is_rejected(first):

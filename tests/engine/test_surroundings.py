@@ -20,6 +20,7 @@ from rig.errors import ConfigurationError, ExitCode
 from rig.register import KnownConditions, check_register, check_surroundings, holds_of, parse_register
 from rig.runs.plans import load_plan
 from rig.verbs.budget.evaluation import checked_run
+from rig.verbs.budget.found import Found
 from rig.verbs.certificate.as_dcc import dcc
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.layout import sections
@@ -261,7 +262,7 @@ def files(tmp_path_factory) -> Path:
 @pytest.fixture(autouse=True)
 def no_trace(monkeypatch):
     """No effect is looked for: none is in this world."""
-    monkeypatch.setitem(read_run.__globals__, "_traced", lambda *_, **__: ((), None))
+    monkeypatch.setitem(read_run.__globals__, "found_in", lambda *_, **__: Found(()))
 
 
 def certificate(run: Path, folder: Path, register: str = "", **more: object) -> Document:

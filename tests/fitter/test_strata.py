@@ -92,7 +92,7 @@ def _table(y) -> Table:
 
 @pytest.mark.parametrize("traced", [False, True])
 def test_rising_and_falling_series_have_one_line_for_reversibility(traced):
-    """Half of the difference, 4 mV, and what the fit is nearer to the rising side, which alone has the largest force."""
+    """Half of the difference, 4 mV, and what the fit is nearer to the rising side: that has the largest force."""
     noise = 1e-5 * np.random.default_rng(2).normal(size=63)
     evaluation = general_evaluation(_table(0.5 * FORCE + 0.002 * SIDE + noise), [{"force_kN": 4.0}], traced=traced)
     lines = influences(evaluation, Statements(), same_meter=False).grouped

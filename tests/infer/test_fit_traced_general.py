@@ -36,7 +36,7 @@ def test_a_square_is_in_the_calibration_and_a_backlash_is_left_out_with_a_word(t
     assert told["sigma_E"] < 6e-5  # three readings of 20 ms: 4e-5; the backlash alone is 30e-5
     for notes in (told["notes"], told["calibration"]["notes"]):
         assert any("second-order:force_kN is in the calibration" in note for note in notes)
-        assert any(note.startswith("direction:") and "left out of the calibration" in note for note in notes)
+        assert any(note.startswith("direction:") and "was fitted and taken off" in note for note in notes)
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_of_a_lag_of_a_recorded_quantity_what_stays_at_rest_is_in_the_calibratio
     found = {name: one["estimate"] for name, one in told["coefficients"].items()}
     (slope,) = (size for name, size in found.items() if "air_degC" in name)
     assert slope == pytest.approx(0.004, rel=0.03)
-    assert any("which holds at rest, when air_degC has long been what it is" in note for note in told["notes"])
+    assert any("holds at rest, when air_degC has long been what it is" in note for note in told["notes"])
 
 
 def test_columns_that_no_sensor_needs_are_named(in_air):

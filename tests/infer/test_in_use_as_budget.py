@@ -67,7 +67,7 @@ def test_a_plain_calibration_has_the_line_of_an_effect_that_the_trace_finds(run,
     assert any(line["name"].startswith("effects beside") for one in inferred for line in one["contributions"])
     rows, told = in_use(tmp_path, run, outputs)
     compare(rows, inferred)
-    assert any("lacks cell_V: creep:force_kN. The size of that is in the intervals" in note for note in told["notes"])
+    assert any("lacks creep:force_kN. Results hold: of creep:force_kN, at rest, when" in note for note in told["notes"])
 
 
 def test_the_line_of_a_square_that_the_trace_finds_is_in_plain_intervals(small, tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,9 @@ from rig.fitter.trace.engine import family
 from rig.procedures.general.column_roles import Roles
 from rig.procedures.general.common import common_of
 from rig.procedures.general.evaluate import trace_general_table
+from rig.procedures.general.of_runs import RunTraced
 from rig.procedures.tables.table import Table
+from rig.verbs.confirm import sentences
 
 SLOPES = {"a_Hz": 100.0, "b_Hz": 180.0, "c_Hz": 260.0}
 NOISE = 0.1
@@ -73,3 +77,19 @@ def test_drifts_of_both_signs_are_not_given_a_share_of_their_mean():
 
 def test_what_one_sensor_lacks_is_not_common():
     assert common_of(traced(lambda flow, time, slope, number: (number > 0) * 4.0 * time / 7200.0)) == ()
+
+
+def test_what_sensors_share_is_said_with_a_confirmed_effect_and_the_run_that_would_tell():
+    """A drift of the reference was called confirmed, with every other cause excluded."""
+    each = traced(lambda flow, time, slope, number: slope * 0.02 * time / 7200.0)
+    run = RunTraced(each)
+    (shared,) = {one.shared for outcome in run.outcomes for one in outcome.findings}
+    assert "cannot tell the sensors from what they share: the source or the reference of flow_kg_per_min" in shared
+    assert shared.endswith("To tell: repeat the run with another source or reference of flow_kg_per_min")
+    answer = SimpleNamespace(
+        effect="drift", verdict="undecided", cannot_tell=False, holding=("drift", "b"), minor_causes=()
+    )
+    error = SimpleNamespace(before=np.nan, sigma=1.0)
+    first = SimpleNamespace(shared=lambda effect: shared)
+    told = sentences(SimpleNamespace(answers=(answer,), judged=SimpleNamespace(errors={"a": error}), first=first))
+    assert next(told).endswith(f"{shared}.")

@@ -143,7 +143,7 @@ class SensorTrace:
                     f"is {self.cv_rms_after / self.cv_rms_before:.0%} of what it is without them"
                 )
             notes.append(
-                "cv_rms: each replication in turn left out of selection and fit, its own offset predicted as zero"
+                "left-out error: each replication in turn left out of selection and fit, its offset predicted as zero"
             )
         return tuple(notes)
 

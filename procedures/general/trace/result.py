@@ -188,7 +188,7 @@ class TableTrace:
                     f"not confirmed by {self.left_out} left out: with the effects found the error on those is "
                     f"{after / before:.0%} of what it is without them"
                 )
-            notes.append(f"cv_rms: {self.left_out} in turn left out, the search repeated without them")
+            notes.append(f"left-out error: {self.left_out} in turn left out, the search repeated without them")
         return tuple(notes)
 
     def outcome(self) -> Outcome:

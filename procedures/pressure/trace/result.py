@@ -219,7 +219,9 @@ class TransducerTrace:
                     "the error on left-out whole plots does not fall with the effects found "
                     f"({before:.3g} to {after:.3g} mV): the data left out do not confirm them"
                 )
-            notes.append("cv_rms: each whole plot in turn left out of selection and fit, its error predicted as zero")
+            notes.append(
+                "left-out error: each whole plot in turn left out of selection and fit, its error predicted as zero"
+            )
         return tuple(notes)
 
     def _fitted(self) -> tuple[Parameter, ...]:

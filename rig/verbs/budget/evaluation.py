@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import date
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,10 @@ SAME_METER, OTHER_METER = (
 )
 
 
+Evaluated = Callable[[Sequence[Mapping[str, float]], Mapping[str, float]], Evaluation]
+"""The evaluation of a run at points, by constants of the place."""
+
+
 @dataclass(frozen=True)
 class OfRun:
     """A run with its register.
@@ -107,6 +112,8 @@ class RunBudget:
         unstated: columns whose errors the register does not state.
         outside: points beyond the settings of the run, as sentences.
         undeclared: results whose budgets have a line for effects that the declared model lacks.
+        lacks: effects that were found and that the model of the results lacks, by output.
+        lacking: the same in words, with that for which the results hold, by output.
     """
 
     of: OfRun
@@ -120,6 +127,8 @@ class RunBudget:
     unstated: tuple[str, ...] = ()
     outside: tuple[str, ...] = ()
     undeclared: tuple[str, ...] = ()
+    lacks: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    lacking: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -243,36 +252,6 @@ def _corrected(
     return OfRun(table, kind, config, register, stated, changed, told)
 
 
-def budget_run(
-    path: Path,
-    *,
-    equipment: Path | None = None,
-    at: Sequence[Mapping[str, float]] = (),
-    same_meter: bool = False,
-    probability: float = 0.95,
-    options: Mapping[str, Any] | None = None,
-) -> RunBudget:
-    """Budgets of a run.
-
-    Args:
-        path: the run file.
-        equipment: another register than the one kept with the run.
-        at: points at which outputs and inferred quantities are given, by quantity; empty for those of the kind.
-        same_meter: whether the meter of the run reads the sensors in use.
-        probability: coverage probability of expanded uncertainties.
-        options: of `rig budget` for its kind.
-
-    Raises:
-        ConfigurationError: as in `run_with_register`.
-        UsageError: as there, or its kind does not have an option.
-        DataError: it cannot be evaluated, or a point cannot be used.
-        RunFileError: the run file cannot be used.
-    """
-    return budget_of(
-        run_with_register(path, equipment), at=at, same_meter=same_meter, probability=probability, options=options
-    )
-
-
 def shapes_at(probability: float) -> Shapes:
     """Results whose coverage factor is by the shapes of the distributions: where limits dominate, near 95 %."""
     return "where limits dominate" if NEAR_95[0] <= probability <= NEAR_95[1] else False
@@ -290,23 +269,30 @@ def budget_of(
     each: Callable[[], None] | None = None,
     shapes: Shapes = False,
     after_days: float | None = None,
+    evaluated: Evaluated | None = None,
 ) -> RunBudget:
     """Budget of a run that was read.
 
     Args:
         of: the run.
-        at: as in `budget_run`.
-        same_meter: as in `budget_run`.
-        probability: as in `budget_run`.
-        options: as in `budget_run`.
+        at: points at which outputs and inferred quantities are given, by quantity; empty for those of the kind.
+        same_meter: whether the meter of the run reads the sensors in use.
+        probability: coverage probability of expanded uncertainties.
+        options: of `rig budget` for its kind.
         trials: of a simulation that checks the budgets; None for no check.
         seed: of the simulation.
         each: called after each trial.
         shapes: whether coverage factors follow the shapes of the distributions; as in `budgets`.
         after_days: inferred values are for a use so many days after the run, with the sensors' drift by their history.
+        evaluated: its evaluation by another model; None for that of the options.
+
+    Raises:
+        UsageError: its kind does not have an option.
+        DataError: it cannot be evaluated, or a point cannot be used.
     """
-    chosen = of.kind.budget_options(**dict(options or {}))
-    evaluation = of.kind.evaluation(of.table, chosen, at, of.stated.constants)
+    if evaluated is None:
+        evaluated = partial(of.kind.evaluation, of.table, of.kind.budget_options(**dict(options or {})))
+    evaluation = evaluated(at, of.stated.constants)
     try:
         explain(evaluation, of.stated)
         results = evaluation.results

@@ -1,9 +1,13 @@
-"""Effects that a trace of the run finds, in its budgets by the declared model: as on a certificate."""
+"""Budgets of a run with what its trace and further runs found: the same for `rig budget` and certificates.
+
+An effect that further runs settled is in the model of the results; so are all of them if that is asked for. Of any
+other one, each result that it moves has a line.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,17 +15,21 @@ from rig.by_kind import trace_table
 from rig.errors import UsageError
 from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
+from rig.procedures.evaluate.confirming import SETTLED
 from rig.procedures.present.shell import shell_word
 from rig.tables import run_table
-from rig.verbs.budget.evaluation import OfRun, RunBudget, budget_of
+from rig.verbs.budget.evaluation import OfRun, RunBudget, budget_of, run_with_register
+from rig.verbs.budget.lacking import by_sensor
 from rig.verbs.budget.undeclared import with_undeclared
 
 if TYPE_CHECKING:
     from rig.fitter.trace.outcome import Outcome
+    from rig.procedures.tables.table import Table
+    from rig.verbs.confirm import Confirmed
 
 FOUND = (
-    "the run was traced: the declared model lacks {effects}. Each result that they move has a line for them, and is of "
-    "the declared model; --traced states results of the model with them, and rig confirm {run} tests their causes"
+    "the run was traced: the model of the results lacks {effects}. Each result that they move has a line for them; "
+    "--traced states results of the model with them, and rig confirm {run} tests their causes"
 )
 NOTHING = "the run was traced, and no effect was found beside the declared model"
 NAMELESS = "the trace left more than error in {sensors} and found no cause: that is in no budget; see rig trace {run}"
@@ -29,41 +37,114 @@ NOT_TRACED = "the run was not traced, so effects that the declared model lacks a
 SIMULATED = "a simulation is of the declared model alone; without --monte-carlo effects are looked for and counted"
 
 
-def with_found(of: OfRun, declared: RunBudget, asked: Mapping[str, Any], *, simulated: bool) -> RunBudget:
-    """Budgets with a line for effects that a trace finds, in each result that they move, and a sentence about them.
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The effects in a run, as far as they are known.
+
+    Attributes:
+        outcomes: of its trace.
+        confirmed: results of further runs; None if there are none.
+    """
+
+    outcomes: Sequence[Outcome]
+    confirmed: Confirmed | None = None
+
+    @property
+    def effects(self) -> Mapping[str, tuple[str, ...]]:
+        """Names of the effects that the trace found, by output."""
+        return effects_by_sensor(self.outcomes)
+
+    @property
+    def verdicts(self) -> Mapping[str, str]:
+        """Verdicts of further runs by effect."""
+        return {} if self.confirmed is None else {one.effect: one.verdict for one in self.confirmed.answers}
+
+
+def found_in(of: OfRun, path: Path, later: Sequence[Path] = (), equipment: Path | None = None, **options: Any) -> Found:
+    """The trace of a run, and what further runs say of its effects together.
+
+    The findings are those of a whole trace; where the kind has a quick one, errors that nobody asks for here are not
+    computed.
+
+    Args:
+        of: the run, with the corrections of its certificates.
+        path: its file.
+        later: the files of the further runs.
+        equipment: another register than those kept with the runs.
+        options: of `rig trace` for its kind.
+    """
+    fields = of.kind.trace_options.model_fields
+    given = {name: value for name, value in options.items() if name in fields}
+    given |= {"quick": True} if "quick" in fields else {}
+    if not later:
+        return Found(trace_table(of.table, **given).outcomes)
+    from rig.verbs.confirm import judge, open_traced  # noqa: PLC0415 - few runs have further ones
+
+    def read(one: Path) -> Table:
+        if one == path:
+            return of.table
+        return run_with_register(one, equipment).table if of.corrected else run_table(one)
+
+    first = open_traced(path, read, **given)
+    return Found(first.traced.outcomes, judge(first, *later))
+
+
+def budget_with(of: OfRun, found: Found, asked: Mapping[str, Any], *, traced: bool = False) -> RunBudget:
+    """Budgets by the model with the effects that further runs settled, and with a line for all others.
 
     Args:
         of: the run.
-        declared: its budgets by the declared model.
+        found: in it.
         asked: arguments of `budget_of`.
-        simulated: whether the budgets are checked by a simulation, which knows the declared model alone.
+        traced: whether all effects are in the model, settled or not.
     """
-    if simulated:
-        return _noted(declared, NOT_TRACED.format(why=SIMULATED))
-    given, run = asked["options"], shell_word(of.table.source)
-    fields = of.kind.trace_options.model_fields
-    options = {name: value for name, value in given.items() if name in fields}
-    options |= {"quick": True} if "quick" in fields else {}
+    effects, told = found.effects, found.verdicts
+    every = {name for names in effects.values() for name in names}
+    with_all = {**asked, "options": {**(asked.get("options") or {}), "traced": True}}
+    if not every:
+        return budget_of(of, **asked)
+    if traced or all(told.get(name) == "confirmed" for name in every):
+        return budget_of(of, **with_all)
+    evaluated, without = None, every
+    if found.confirmed is not None and any(told.get(name) in SETTLED for name in every):
+        from rig.verbs.confirm import with_confirmed  # noqa: PLC0415
+
+        fitted = with_confirmed(found.confirmed.first, found.confirmed, of.kind.fit_options())
+        evaluated, without = fitted.evaluation, set(fitted.without)
+    lacks = {output: [name for name in names if name in without] for output, names in effects.items()}
+    made = budget_of(of, **asked, evaluated=evaluated)
+    if not any(lacks.values()):
+        return made
+    return with_undeclared(made, budget_of(of, **with_all), lacks, asked["shapes"])
+
+
+def with_notes(of: OfRun, found: Found, made: RunBudget) -> RunBudget:
+    """Budgets with sentences about the effects that were found."""
+    run, names = shell_word(of.table.source), of.table.outputs
+    lacks = "; ".join(f"{names.get(s, s)}: {', '.join(every)}" for s, every in made.lacks.items() if every)
+    notes = [] if any(found.effects.values()) else [NOTHING]
+    notes += [FOUND.format(effects=lacks, run=run)] if lacks else []
+    notes += by_sensor(made.lacking, names)
+    nameless = [names.get(one.sensor, one.sensor) for one in found.outcomes if one.unnamed]
+    notes += [NAMELESS.format(sensors=", ".join(nameless), run=run)] if nameless else []
+    return replace(made, notes=(*notes, *made.notes))
+
+
+def traced_budget(
+    of: OfRun, asked: Mapping[str, Any], later: Sequence[Path] = (), equipment: Path | None = None
+) -> RunBudget:
+    """Budgets with what a trace of the run and further runs found, and sentences about it; see `budget_with`."""
+    path = Path(of.table.source)
     try:
-        outcomes = trace_table(run_table(Path(of.table.source)), **options).outcomes
-        by_sensor = effects_by_sensor(outcomes)
-        found = "; ".join(
-            f"{of.table.outputs.get(s, s)}: {', '.join(names)}" for s, names in by_sensor.items() if names
-        )
-        made = _noted(declared, FOUND.format(effects=found, run=run) if found else NOTHING)
-        if found:
-            traced = budget_of(of, **{**asked, "options": {**given, "traced": True}})
-            made = with_undeclared(made, traced, by_sensor, asked["shapes"])
+        found = found_in(of, path, later, equipment, **(asked["options"] or {}))
+        return with_notes(of, found, budget_with(of, found, asked))
     except (DataError, FitError, UsageError) as error:
-        return _noted(declared, NOT_TRACED.format(why=error))
-    nameless = [of.table.outputs.get(one.sensor, one.sensor) for one in outcomes if one.unnamed]
-    return _noted(made, NAMELESS.format(sensors=", ".join(nameless), run=run)) if nameless else made
+        if later:
+            raise
+        made = budget_of(of, **asked)
+        return replace(made, notes=(NOT_TRACED.format(why=error), *made.notes))
 
 
 def effects_by_sensor(outcomes: Sequence[Outcome]) -> Mapping[str, tuple[str, ...]]:
     """Names of the effects that a trace found, by sensor."""
     return {one.sensor: tuple(f.effect for f in one.named if f.kind == "effect") for one in outcomes}
-
-
-def _noted(made: RunBudget, note: str) -> RunBudget:
-    return replace(made, notes=(note, *made.notes))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rig.procedures.tables.table import Table
 
 HOLD = "results hold at the conditions of the run, which are in no model: {conditions}"
-NOT_USED = "of the points {name} is not used: no result depends on it"
+NOT_USED = "of the points {name} is not used: the model of the results does not have it"
 
 SLACK = 0.01
 """How far a point may be outside the recorded settings, as a share of their range: readbacks are not set points."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ from rig.fitter.rounding import rounded_df, with_error
 from rig.options_of_kinds import options_of
 from rig.procedures.present.blocks import Block, Grid, Line, headline
 from rig.verbs.budget.evaluation import RunBudget, budget_of, run_with_register, shapes_at
-from rig.verbs.budget.found import with_found
+from rig.verbs.budget.found import NOT_TRACED, SIMULATED, traced_budget
 from rig.verbs.frames import Frame, of_rows
 from rig.verbs.result import Plots, Result
 
@@ -165,6 +166,7 @@ def budget(
     each: Callable[[], None] | None = None,
     shapes: bool = False,
     after_days: float | None = None,
+    confirmed_by: str | Path | Iterable[str | Path] = (),
     **options: Any,
 ) -> Budget:
     """Uncertainty budgets of a run's results, by its register of equipment; as a certificate has them.
@@ -184,6 +186,7 @@ def budget(
         shapes: whether all coverage factors follow the shapes of the distributions; without it those of results in
             which one or two limits of error dominate, at 95 %, as on a certificate.
         after_days: inferred values are for a use so many days after the run, with the sensors' drift by their history.
+        confirmed_by: a later run file, or several; effects that they settled are in the model.
         options: of `rig budget` for this kind of run, with underscores for hyphens.
 
     Raises:
@@ -202,6 +205,10 @@ def budget(
     register = None if equipment is None else Path(equipment)
     of = run_with_register(Path(run), register)
     given = {name: value for name, value in options.items() if value is not None}
+    later = [Path(one) for one in ([confirmed_by] if isinstance(confirmed_by, (str, Path)) else confirmed_by)]
+    if later and (given or trials is not None):
+        others = [*(f"--{name.replace('_', '-')}" for name in given), *(["--monte-carlo"] if trials else [])]
+        raise UsageError(f"--confirmed-by is of the declared model and its confirmed effects: omit {', '.join(others)}")
     options_of(of.kind, given, lambda kind: kind.budget_options, f"{run} is of {of.kind.title}")
     if trials is not None and trials < round(100.0 / (1.0 - probability)):
         least = round(100.0 / (1.0 - probability))
@@ -214,5 +221,9 @@ def budget(
         "shapes": shapes or shapes_at(probability),
         "after_days": after_days,
     }
+    if trials is None and not given.get("traced"):
+        return Budget(traced_budget(of, asked, later, register))
     made = budget_of(of, **asked, trials=trials, seed=seed, each=each)
-    return Budget(made if given.get("traced") else with_found(of, made, asked, simulated=trials is not None))
+    if not given.get("traced"):
+        made = replace(made, notes=(NOT_TRACED.format(why=SIMULATED), *made.notes))
+    return Budget(made)

@@ -13,6 +13,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.evaluate.budgeting import Evaluation, Results, Shift
 from rig.procedures.evaluate.inference import within_half_turn
 from rig.verbs.budget.evaluation import RunBudget
+from rig.verbs.budget.lacking import in_state, lacking
 
 LINE = "effects beside the declared model: {}"
 SOURCE = "trace of the run"
@@ -23,15 +24,16 @@ SMALL = 1e-2
 def with_undeclared(
     declared: RunBudget, traced: RunBudget, effects: Mapping[str, Sequence[str]], shapes: Shapes
 ) -> RunBudget:
-    """Budgets by the declared model, with a line for effects that it lacks.
+    """Budgets by the declared model, or one with some effects, with a line for those that it lacks.
 
     The line is how far each result is from that by the traced model. It is a known deviation that is not corrected, so
     its whole size d is taken as a standard uncertainty, together with the model errors of the traced one, with the
-    scatter by which the traced result is less certain than the declared one, and with the difference between both
-    sides of approach, as far as the declared result has no line for it. If the traced result is right within its
+    scatter by which the traced result is less certain than the declared one. The difference between both sides of
+    approach has a line of its own. If the traced result is right within its
     standard uncertainty u, the value is within k sqrt(d^2 + u^2) of the declared result with 95 % for k = 1.96 where
     d is zero, with 95.2 % where it is 0.6 u, and with nearly 100 % where it is large beside u. Where an effect follows
-    a quantity that the declared model has not, results hold at the conditions of the run: d is its rms over these.
+    a quantity that the declared model has not, results hold at the conditions of the run: d is its rms over these. Of
+    an effect of time or memory, results hold in the state for which the traced ones do: `lacking` says in which.
 
     Args:
         declared: of the run, by the declared model.
@@ -55,13 +57,15 @@ def with_undeclared(
         shapes=shapes,
     )
     covariance = np.sum([one.covariance for one in lines], axis=0)
-    return replace(declared, budgets=tuple(made), type_a=type_a, undeclared=_moved(covariance, made))
+    told = lacking(declared.of.table, declared.evaluation, traced.evaluation, effects, made)
+    moved = _moved(covariance, made)
+    return replace(declared, budgets=tuple(made), type_a=type_a, undeclared=moved, lacks=effects, lacking=told)
 
 
 def undeclared_lines(declared: Evaluation, traced: Evaluation, effects: Mapping[str, Sequence[str]]) -> list[TypeA]:
     """The lines of `with_undeclared`, one for the effects of each sensor; arguments and errors as there."""
     mine, other = declared.results, traced.results
-    of = _effects_of(mine.sensors, effects)
+    of = _effects_of(mine.sensors, effects, traced.holds())
     where = _partners(mine, other)
     through = _through_outputs(mine, where)
     place = np.arange(len(where))
@@ -168,12 +172,15 @@ def _per_output(declared: Evaluation, through: Mapping[int, int], moved: FloatAr
     return found
 
 
-def _effects_of(sensors: Sequence[str], effects: Mapping[str, Sequence[str]]) -> list[str]:
-    """(m,) names of the effects of each result's sensor; of all sensors where a result is of several, or where the
-    sensor itself has none.
+def _effects_of(
+    sensors: Sequence[str], effects: Mapping[str, Sequence[str]], holds: Mapping[str, Mapping[str, str]]
+) -> list[str]:
+    """(m,) names of the effects of each result's sensor, with the states for which results hold; of all sensors where a
+    result is of several, or where the sensor itself has none.
     """
-    every = ", ".join(dict.fromkeys(name for names in effects.values() for name in names))
-    return [", ".join(effects.get(sensor, ())) or every for sensor in sensors]
+    states = {name: words for by in holds.values() for name, words in by.items()}
+    every = in_state(list(dict.fromkeys(name for names in effects.values() for name in names)), states)
+    return [in_state(effects.get(sensor, ()), holds.get(sensor, {})) or every for sensor in sensors]
 
 
 def _moved(covariance: FloatArray, made: Sequence[Budgeted]) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.dcc_elements import DCC, LANGUAGE, SI, add, add_contact, add_list, add_real, solid, worded
 from rig.verbs.certificate.dcc_statements import add_statements
 from rig.verbs.certificate.document import Condition, Document, Equipment, External, Item, Person, by_source
-from rig.verbs.certificate.measured import ResultTable
+from rig.verbs.certificate.measured import Budget, ResultTable
 
 VERSION = "3.2.0"
 XSI = "http://www.w3.org/2001/XMLSchema-instance"
@@ -163,13 +163,20 @@ def _measurement(parent: ET.Element, document: Document, stage: str) -> None:
     if not len(conditions):
         none = add(conditions, "influenceCondition")
         worded(none, "name", "Ambient conditions")
-        worded(add(none, "data"), "text", "No ambient quantity was recorded in the run.")
+        worded(
+            add(none, "data"),
+            "text",
+            "The run recorded no temperature, humidity or pressure beside those in the model of the results.",
+        )
     results = add(parent, "results")
     for n, table in enumerate(document.tables):
         if table.stage == stage:
             items = [f"item{i}" for i, one in enumerate(document.items) if table.sensor in ("", one.name)]
             judged = any((one.sensor, one.stage) == (table.sensor, stage) for one in document.statements)
             _result(add(results, "result", id=f"result{n}" if judged else "", refId=" ".join(items)), table)
+    for budget in (one for one in document.budgets if one.stage == stage):
+        items = [f"item{i}" for i, one in enumerate(document.items) if budget.sensor in ("", one.name)]
+        _budget(add(results, "result", refId=" ".join(items)), budget)
     evidence = [one for one in document.evidence if one.stage == stage]
     if evidence:
         metadata = add(parent, "measurementMetaData")
@@ -181,6 +188,26 @@ def _measurement(parent: ET.Element, document: Document, stage: str) -> None:
                 text, hashed = f"Table of {run.observations} observations, without a run file: {run.file}", "SHA-256"
             worded(about, "name", "Run file" if run.run_id else "Table")
             worded(about, "declaration", f"{text}, {hashed} {run.head}")
+
+
+def _budget(parent: ET.Element, budget: Budget) -> None:
+    """The standard uncertainty of a result by each influence, and by all of them."""
+    worded(parent, "name", f"{budget.sensor}: uncertainty budget of {budget.label}".removeprefix(": "))
+    left = f" {words.count(budget.left, 'smaller contribution')} not listed." if budget.left else ""
+    worded(parent, "description", f"Standard uncertainties of the result, by each influence and combined.{left}")
+    data = add(parent, "data")
+    for one in budget.contributions:
+        told = f"{one.source}; type {one.kind}; degrees of freedom {one.df}; share {100 * one.share:.1f} %"
+        _standard(data, one.label, told, one.standard, budget.unit)
+    told = f"degrees of freedom {budget.df}; k {budget.k}; expanded uncertainty {budget.expanded}"
+    _standard(data, "combined standard uncertainty", told, budget.combined, budget.unit)
+
+
+def _standard(data: ET.Element, name: str, told: str, value: str, unit: str) -> None:
+    quantity = add(data, "quantity")
+    worded(quantity, "name", name)
+    worded(quantity, "description", told)
+    add_real(quantity, value, unit)
 
 
 def _external(parent: ET.Element, document: Document, source: str, ones: Sequence[External]) -> None:

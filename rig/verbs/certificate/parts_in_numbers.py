@@ -13,12 +13,14 @@ from rig.fitter.budget import Budgeted
 from rig.fitter.confirm import Confirmation
 from rig.fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from rig.fitter.trace.outcome import Finding, Outcome
-from rig.procedures.column_names import stem_of
+from rig.procedures.column_names import stem_of, unit_of
 from rig.procedures.present.words import constants_of
 from rig.register import holds_of
 from rig.register.surroundings import shown_unit
 from rig.units.si import per_term
 from rig.verbs.budget.evaluation import RunBudget
+from rig.verbs.budget.found import Found
+from rig.verbs.budget.lacking import held, in_state
 from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.document import Condition, Holding
 from rig.verbs.certificate.measured import Budget, Contribution, Effect, Result, ResultTable, Stage
@@ -78,7 +80,9 @@ def tables(run: RunBudget, stage: Stage) -> tuple[ResultTable, ...]:
         title = "results" if column else _SHARED
         results = tuple(_result(one, column, run) for one in ones)
         described = run.evaluation.described(column) if column else ""
-        told = (f"{described}.",) if described else ()
+        states = run.evaluation.holds().get(column, {})
+        lacking = run.lacking.get(column) or (held(states) if states else "")
+        told = (*((f"{described}.",) if described else ()), *((lacking,) if lacking else ()))
         found.append(ResultTable(sensor_of(column, run), title, results, (), stage, told))
     return tuple(found)
 
@@ -189,9 +193,12 @@ def repeatability_only(run: RunBudget) -> tuple[str, ...]:
 
 
 def conditions(run: RunBudget, stage: Stage) -> Iterator[Condition]:
-    """Temperatures and what else of the room was recorded with the observations, or is stated by the laboratory."""
+    """Temperatures and what else of the room was recorded with the observations, or is stated by the laboratory. A
+    temperature that was set is one, if the model of the results does not have it.
+    """
     of = run.of
-    for name in of.config.temperatures:
+    varied = [one for one in of.table.factors if unit_of(one) == "degC" and one not in run.evaluation.columns]
+    for name in dict.fromkeys((*of.config.temperatures, *varied)):
         values = of.table.columns.get(name)
         if values is not None and np.isfinite(values).all():
             low, mean, high = (_recorded(value) for value in (values.min(), values.mean(), values.max()))
@@ -254,6 +261,7 @@ def effects(
             word = "" if answer is None or confirms else answer.verdict
             unasked = "no further run was made" if confirmed is None else "the further run was not judged by it"
             how = f"{word}{by}".strip() if answer is not None else unasked
+            how += f"; {one.shared}" if one.shared else ""
             if answer is not None and confirms and (excluded := [n for n in _excluded(answer) if n in one.aliases]):
                 how += f", which excludes {', '.join(excluded)}"
             if answer is not None and answer.verdict == "replaced":
@@ -278,43 +286,29 @@ def doubtful(outcomes: Iterable[Outcome], confirmed: Confirmed | None) -> Iterat
                 yield outcome.sensor, one
 
 
-def all_confirmed(names: Iterable[str], confirmed: Confirmed | None) -> bool:
-    """Whether further runs confirmed every one of these effects as it is named."""
-    told = {} if confirmed is None else {one.effect: one.verdict for one in confirmed.answers}
-    return all(told.get(name) == "confirmed" for name in names)
-
-
-def found_in(outcomes: Iterable[Outcome], confirmed: Confirmed | None) -> Mapping[str, tuple[str, ...]]:
-    """Names of the effects found, by output: where a further run replaced one, the one that holds, and what it was."""
-    answers = {} if confirmed is None else {one.effect: one for one in confirmed.answers if one.verdict == "replaced"}
-
-    def named(effect: str) -> str:
-        held = answers.get(effect)
-        return effect if held is None else f"{held.members[0].effect} (named {effect} by the trace)"
-
-    return {
-        one.sensor: tuple(dict.fromkeys(named(f.effect) for f in one.named if f.kind == "effect")) for one in outcomes
-    }
-
-
-def models(
-    run: RunBudget, stage: Stage, outcomes: Sequence[Outcome], confirmed: Confirmed | None, *, accepted: bool
-) -> Iterator[str]:
+def models(run: RunBudget, stage: Stage, found: Found) -> Iterator[str]:
     """The model of the results, where a trace found effects beside the declared one, sentences."""
-    every = found_in(outcomes, confirmed)
-    found = "; ".join(f"{sensor_of(output, run)}: {', '.join(names)}" for output, names in every.items() if names)
-    if not found:
+    if not any(found.effects.values()):
         return
     of = f"Run {stage}: results" if stage else "Results"
-    if accepted:
-        yield (
-            f"{of}, budgets and statements of conformity are of the declared model with the effects that were found "
-            f"({found})."
-        )
+    holds = run.evaluation.holds()
+    settled = {} if found.confirmed is None else {a.effect: a.holding[0] for a in found.confirmed.answers if a.holding}
+    inside, outside = [], []
+    for output, names in found.effects.items():
+        lacks = run.lacks.get(output, ())
+        has = [settled.get(name, name) for name in names if name not in lacks]
+        inside += [f"{sensor_of(output, run)}: {in_state(has, holds.get(output, {}))}"] if has else []
+        told = [f"{name}, {found.verdicts[name]}" if name in found.verdicts else name for name in lacks]
+        outside += [f"{sensor_of(output, run)}: {'; '.join(told)}"] if told else []
+    with_ = f" with the effects that were found ({'; '.join(inside)})" if inside else ""
+    by = f"the declared model{with_}"
+    if not outside:
+        yield f"{of}, budgets and statements of conformity are of {by}."
         return
     yield (
-        f"{of} are {words.LACKS} that were found ({found}). A budget has a line for each result that they move, and "
-        f"conformity counts it: the difference from the model with these effects."
+        f"{of} are of {by}, {words.LACKS} that were found ({'; '.join(outside)}). A budget has a line for each result "
+        f"that they move, and conformity counts it: the difference from the model with these effects, in the states "
+        f"and conditions that stand below the results."
     )
     if moved := [one for one in run.undeclared if not {"output", "inferred"} & set(one.split())]:
         yield (

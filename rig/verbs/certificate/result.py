@@ -11,6 +11,7 @@ from rig.errors import UsageError
 from rig.fitter.errors import FitError
 from rig.register import DOCUMENT, absent, needed, unrecorded
 from rig.verbs.budget.evaluation import OfRun, RunBudget
+from rig.verbs.budget.found import Found
 from rig.verbs.certificate import conformity, of_others
 from rig.verbs.certificate import parts_in_numbers as numbers
 from rig.verbs.certificate import parts_in_words as words
@@ -171,9 +172,7 @@ def _document(
         remarks=settings.remarks,
         paper=settings.paper,
         models=tuple(
-            m
-            for one, b in with_budget
-            for m in numbers.models(b, one.stage, one.outcomes, one.confirmed, accepted=one.accepted)
+            m for one, b in with_budget for m in numbers.models(b, one.stage, Found(one.outcomes, one.confirmed))
         ),
     )
 

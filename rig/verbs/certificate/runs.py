@@ -19,14 +19,13 @@ from rig.run_file.state.state import RunState, read_state
 from rig.run_file.verify.verification import verify_file
 from rig.runs.plans import CONFORMITY
 from rig.tables import is_run
-from rig.verbs.budget.evaluation import Checked, OfRun, RunBudget, budget_of, checked_run, shapes_at
-from rig.verbs.budget.undeclared import with_undeclared
+from rig.verbs.budget.evaluation import Checked, OfRun, RunBudget, checked_run, shapes_at
+from rig.verbs.budget.found import Found, budget_with, found_in
 from rig.verbs.certificate import conformity
 from rig.verbs.certificate import parts_in_numbers as assembly
 from rig.verbs.certificate.measured import Stage
 from rig.verbs.certificate.settings import CertificateSettings
 from rig.verbs.data.of_table import OfTable, Said, checked_table, gross_errors, without_size
-from rig.verbs.data.result import Data
 
 if TYPE_CHECKING:
     from rig.fitter.trace.outcome import Outcome
@@ -51,7 +50,6 @@ class CertifiedRun:
     confirmed: Confirmed | None = None
     heads: Mapping[Path, str] = field(default_factory=dict)
     stated: bool = False
-    accepted: bool = False
     said: tuple[str, ...] = ()
 
 
@@ -76,7 +74,7 @@ def read_run(
         _checked(run, asked, reasons)
     if state.ended == "complete":  # the effects of half a run are others in a moment
         with _noted(reasons):
-            _trace(run, later, reasons)
+            _trace(run, later, asked.equipment, reasons)
     with _noted(reasons):
         _budget(run, asked, settings, reasons)
     return run
@@ -140,35 +138,28 @@ def _take(run: CertifiedRun, checked: Checked, asked: CertificateRequest, reason
 
 
 def _budget(run: CertifiedRun, asked: CertificateRequest, settings: CertificateSettings, reasons: list[str]) -> None:
-    """Budgets by the accepted model; otherwise by the declared one, with the size of the effects that it lacks."""
+    """Budgets by the rule of `budget_with`."""
     if run.of is None:
         return
-    by_sensor = {o.sensor: tuple(one.effect for one in o.named if one.kind == "effect") for o in run.outcomes}
-    found = tuple(dict.fromkeys(name for names in by_sensor.values() for name in names))
-    run.accepted = bool(found) and (asked.traced or assembly.all_confirmed(found, run.confirmed))
     more: dict[str, Any] = {
         "at": settings.at,
         "same_meter": settings.same_meter,
         "probability": settings.probability,
         "shapes": shapes_at(settings.probability),
     }
-    made = budget_of(run.of, **more, options={"traced": True} if run.accepted else None)
-    if found and not run.accepted:
-        with_effects = budget_of(run.of, **more, options={"traced": True})
-        told = assembly.found_in(run.outcomes, run.confirmed)
-        made = with_undeclared(made, with_effects, told, more["shapes"])
-    run.budget = made
-    reasons.extend(_of_budget(made, settings, str(asked.settings_file), stated=run.stated))
+    run.budget = budget_with(run.of, Found(run.outcomes, run.confirmed), more, traced=asked.traced)
+    reasons.extend(_of_budget(run.budget, settings, str(asked.settings_file), stated=run.stated))
 
 
-def _trace(run: CertifiedRun, later: Sequence[Path], reasons: list[str]) -> None:
+def _trace(run: CertifiedRun, later: Sequence[Path], equipment: Path | None, reasons: list[str]) -> None:
     verified = [verify_file(one) for one in later]
     broken = [(one, v.findings[0]) for one, v in zip(later, verified, strict=True) if not v.whole]
     reasons.extend(f"{one} is not verified: {finding}; see rig verify" for one, finding in broken)
     if broken or run.of is None:
         return
     run.heads = {one: v.head for one, v in zip(later, verified, strict=True)}
-    run.outcomes, run.confirmed = _traced(run.path, later, quick="quick" in run.of.kind.trace_options.model_fields)
+    found = found_in(run.of, run.path, later, equipment)
+    run.outcomes, run.confirmed = found.outcomes, found.confirmed
     reasons.extend(_doubts(run))
 
 
@@ -181,21 +172,6 @@ def _of_budget(budget: RunBudget, settings: CertificateSettings, where: str, *, 
     for name in assembly.repeatability_only(budget):
         yield f"{name}: its uncertainty is repeatability only; state the errors of its instruments in the register"
     yield from stopping(budget.unstated, budget.of.table.outputs, budget.of.table.factors)
-
-
-def _traced(path: Path, later: Sequence[Path], *, quick: bool) -> tuple[Sequence[Outcome], Confirmed | None]:
-    """Effects of a run, and what later runs say about them together.
-
-    The findings are those of a whole trace; where the kind has a quick one, errors that a certificate does not have are
-    not computed.
-    """
-    options = {"quick": True} if quick else {}
-    if not later:
-        return Data(path).trace(**options).traced.outcomes, None
-    from rig.verbs.confirm import judge, open_traced  # noqa: PLC0415 - few certificates have it
-
-    first = open_traced(path, **options)
-    return first.traced.outcomes, judge(first, *later)
 
 
 def _doubts(run: CertifiedRun) -> Iterator[str]:

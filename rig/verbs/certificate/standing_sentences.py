@@ -19,12 +19,13 @@ UNTRACED = (
     "Instruments without a certificate keep or watch conditions, or the register states no error of them: no result is "
     "traceable through them, and conditions that they alone record are indications.",
 )
-LACKS = "of the declared model, which lacks effects"
+LACKS = "which lacks effects"
 """How a sentence of `Document.models` says that effects were found and not accepted."""
 _LIES = "The value of the quantity lies within it with the stated coverage probability."
 _BY_MODEL = (
-    "It counts the size of the effects that the model lacks: of a result that they move, the value by the model with "
-    "them is inside, and the coverage is at least the stated one as far as that model holds."
+    "It counts how far the effects that the model lacks move a result, in the states and conditions that stand below "
+    "each table of results: over these the coverage is at least the stated one, as far as the model with the effects "
+    "holds."
 )
 _NAMELESS = (
     "The trace left an error without a name: of the results of that item, the coverage probability is stated under the "

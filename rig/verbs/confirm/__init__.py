@@ -1,7 +1,7 @@
 """Confirmation of a trace by a further run: proposals, expected separation, and results."""
 
 from rig.verbs.confirm.answers import Confirmed, chance, evidence, following, judge, sentences, sizes, unfit
-from rig.verbs.confirm.calibration import fit_confirmed
+from rig.verbs.confirm.calibration import fit_confirmed, with_confirmed
 from rig.verbs.confirm.first import First, open_traced
 from rig.verbs.confirm.further_plan import plan_for, procedure_text
 from rig.verbs.confirm.proposal import SURE, Proposal
@@ -38,4 +38,5 @@ __all__ = [
     "sizes",
     "unfit",
     "unlikely",
+    "with_confirmed",
 ]

@@ -90,7 +90,9 @@ class Confirmed:
     def to_json(self) -> dict[str, Any]:
         """Values for `--json`."""
         told = [
-            self._answer(a) | {"sentence": _sentence(a), "evidence": evidence(a), "caution": may_be_beside(a)}
+            self._answer(a)
+            | {"sentence": _sentence(a), "evidence": evidence(a), "caution": may_be_beside(a)}
+            | {"shared": self.first.shared(a.effect)}
             for a in self.answers
         ]
         errors = {name: self._error(name, e) for name, e in self.judged.errors.items()}
@@ -183,7 +185,9 @@ def following(confirmed: Confirmed) -> First | None:
 def sentences(confirmed: Confirmed) -> Iterator[str]:
     """Confirmed effects, in sentences for a certificate; the errors of both models last."""
     for answer in confirmed.answers:
-        yield " ".join(filter(None, (_sentence(answer), evidence(answer), may_be_beside(answer))))
+        shared = confirmed.first.shared(answer.effect)
+        told = (_sentence(answer), evidence(answer), may_be_beside(answer), shared and f"{shared}.")
+        yield " ".join(filter(None, told))
     errors = confirmed.judged.errors
     name = max(errors, key=lambda sensor: errors[sensor].before / errors[sensor].sigma)
     if not np.isfinite(errors[name].before):

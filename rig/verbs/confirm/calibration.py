@@ -45,6 +45,8 @@ def with_confirmed(first: First, confirmed: Confirmed, options: Options) -> Conf
     fitted = first.confirming.calibrated(confirmed.answers, first.questions, record, options)
     for effect in record["effects"]:
         del effect["told"]
+        if shared := first.shared(effect["named"]):
+            effect["used"] += f". {shared}"
     return fitted
 
 

@@ -63,6 +63,10 @@ class First:
         """Whether no real instrument was involved."""
         return self.traced.table.simulated
 
+    def shared(self, effect: str) -> str:
+        """That all sensors have an effect alike, and what would tell them from what they share; "" if not."""
+        return next((f.shared for one in self.traced.outcomes for f in one.findings if f.effect == effect), "")
+
     @property
     def later_s(self) -> float:
         """Seconds from its begin to the same time of a later day, after its end and that of further runs."""

@@ -43,7 +43,7 @@ def confirm_report(confirmed: Confirmed) -> str:
         "answers": [_answer(confirmed, a, json) for a, json in zip(confirmed.answers, told["effects"], strict=True)],
     }
     table = run_table(confirmed.path)
-    span_s = float(np.ptp(confirmed.later[-1].data.elapsed_s))
+    span_s = 3600.0 * confirmed.bench_h
     return render(Page("rig.verbs", "confirm.html.j2", table, span_s, known(table).unused(table).to_json(), contents))
 
 

@@ -7,7 +7,7 @@ is the scatter, where that of the budget is another than that of independent row
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any
@@ -22,6 +22,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.evaluate.budgeting import Evaluation
 from rig.verbs.budget.evaluation import OfRun
 from rig.verbs.budget.found import effects_by_sensor
+from rig.verbs.budget.lacking import lacking
 from rig.verbs.budget.undeclared import undeclared_lines
 
 WITHOUT = "total by the model, without effects beside it"
@@ -29,7 +30,7 @@ BESIDE = (
     "effects that the declared model lacks are in no interval here. rig budget and certificates trace the run, and "
     "have a line for those that they find; rig fit --traced or --confirmed-by gives a calibration with them"
 )
-COUNTED = "the declared model lacks {}. The size of that is in the intervals, as in the budget of the run"
+COUNTED = "The difference in these states and conditions is in the intervals, as in the budget of the run"
 NAMELESS = "the trace left more than error in {} and found no cause: that is in no interval"
 _SMALL = 1e-3
 """Share of a line in the variance of a result below which it is not kept."""
@@ -54,27 +55,28 @@ class Lines:
     whole: bool
 
 
-def lines_in_use(of: OfRun, at: At, given: Mapping[str, Any], *, declared: bool) -> Lines:
+def lines_in_use(of: OfRun, at: At, given: Mapping[str, Any], lacks: Collection[str] | None) -> Lines:
     """Lines for the use of a calibration.
 
     Args:
         of: the run.
         at: its evaluation at points, by the model of the calibration.
         given: options of its kind.
-        declared: whether the model is the declared one, without effects that a trace finds.
+        lacks: effects that the model lacks; None for all that a trace finds.
     """
     grids = at(()).grids()
     if not grids:
-        return Lines({}, {}, [BESIDE] if declared else [], not declared)
+        return Lines({}, {}, [BESIDE] if lacks is None else [], lacks is not None and not lacks)
     notes: list[str] = []
     by_sensor: Mapping[str, Sequence[str]] = {}
     with_effects: Evaluation | None = None
     whole = True
-    if declared:
+    if lacks is None or lacks:
         chosen = of.kind.budget_options(**{**given, "traced": True})
         try:
             with_effects = of.kind.evaluation(of.table, chosen, (), of.stated.constants)
-            by_sensor = effects_by_sensor(with_effects.outcomes)
+            every = effects_by_sensor(with_effects.outcomes)
+            by_sensor = {s: [one for one in names if lacks is None or one in lacks] for s, names in every.items()}
             nameless = [one.sensor for one in with_effects.outcomes if one.unnamed]
             notes, whole = [NAMELESS.format(", ".join(nameless))] if nameless else [], not nameless
         except (DataError, FitError) as error:
@@ -87,8 +89,8 @@ def lines_in_use(of: OfRun, at: At, given: Mapping[str, Any], *, declared: bool)
         if with_effects is not None and any(by_sensor.values()):
             try:
                 extra = undeclared_lines(here, with_effects.moved_to(points), by_sensor)
-                names = "; ".join(f"{sensor}: {', '.join(one)}" for sensor, one in by_sensor.items() if one)
-                notes.append(COUNTED.format(names))
+                told = lacking(of.table, here, with_effects, by_sensor)
+                notes += [f"{output}: {sentence} {COUNTED}" for output, sentence in told.items()]
             except (DataError, FitError) as error:
                 notes, whole = [*notes, f"{BESIDE}: {error}"], False
         for output in (name for name, (own, _) in grids.items() if own == variable):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any
 
@@ -11,19 +11,17 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.procedures.evaluate.budgeting import NOT_COVERED, Evaluation
 from rig.procedures.evaluate.influences import StoredInfluence, explain, kept
-from rig.verbs.budget.evaluation import OfRun
+from rig.verbs.budget.evaluation import Evaluated, OfRun
 from rig.verbs.budget.held import held
 from rig.verbs.data.budget_lines import WITHOUT, lines_in_use
 from rig.verbs.infer.total import TOTAL
 
 REPEATABILITY = "repeatability only"
 UNSTATED = ", but for errors that the register does not state"
-Evaluated = Callable[[Sequence[Mapping[str, float]], Mapping[str, float]], Evaluation]
-"""The evaluation of a run at points, by constants of the place."""
 
 
 def budget_section(
-    of: OfRun, evaluated: Evaluated, given: Mapping[str, Any], without: Sequence[str] = (), *, declared: bool
+    of: OfRun, evaluated: Evaluated, given: Mapping[str, Any], without: Sequence[str] | None
 ) -> dict[str, Any]:
     """The section "budget" of a calibration file.
 
@@ -31,8 +29,7 @@ def budget_section(
         of: the run, with its register.
         evaluated: the evaluation of it by the model of the calibration, at points.
         given: options of its kind.
-        without: effects that are known and not in the model.
-        declared: whether that is the declared model, without effects that a trace finds.
+        without: effects that are known and not in the model; None for all that a trace finds.
 
     Raises:
         DataError: its kind has no budgets, or the run cannot be evaluated.
@@ -45,14 +42,14 @@ def budget_section(
 
     evaluation = at(())
     influences, notes = kept(evaluation, of.stated)
-    more = lines_in_use(of, at, given, declared=declared)
+    more = lines_in_use(of, at, given, without)
     in_lines = {line["name"] for every in more.lines.values() for line in every}
     told = {f"{name}{NOT_COVERED}": f"{name}: it is in the intervals, as in the budget of the run" for name in in_lines}
     notes = [*more.notes, *(told.get(note, note) for note in notes)]
     lacking = of.stated.what_is_lacking(of.stated.unstated(evaluation.columns))
     notes[:0] = [*lacking, *of.stated.unused]
     notes += held(of.table, of.config.temperatures, evaluation.columns, ())
-    if without:
+    if without and not more.whole:
         notes.insert(0, f"{', '.join(without)}: not in the model of the calibration; intervals have it only as scatter")
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
@@ -64,7 +61,7 @@ def budget_section(
         "influences": [_json(one) for one in influences],
         "lines": more.lines,
         "scatter": more.scatter,
-        "uncertainty": f"{TOTAL if more.whole and not without else WITHOUT}{UNSTATED if lacking else ''}",
+        "uncertainty": f"{TOTAL if more.whole else WITHOUT}{UNSTATED if lacking else ''}",
         "notes": [*notes, *evaluation.notes()],
     }
     stored = evaluation.stored()

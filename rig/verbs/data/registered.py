@@ -14,8 +14,8 @@ from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT
 from rig.run_file.read.reader import RunReader
 from rig.tables import FileSource, is_run, run_table
-from rig.verbs.budget.evaluation import OfRun, run_with_register
-from rig.verbs.data.kept import REPEATABILITY, Evaluated, budget_section
+from rig.verbs.budget.evaluation import Evaluated, OfRun, run_with_register
+from rig.verbs.data.kept import REPEATABILITY, budget_section
 
 if TYPE_CHECKING:
     from rig.procedures.tables.table import Table
@@ -112,9 +112,9 @@ class Registered:
         run, options = self.run, {name: given[name] for name in known if name in given}
         chosen = run.kind.budget_options(**options)
         by_model = evaluated or partial(run.kind.evaluation, run.table, chosen)
-        declared = evaluated is None and not options.get("traced")
+        lacks = None if evaluated is None and not options.get("traced") else without
         try:
-            section = budget_section(run, by_model, options, without, declared=declared)
+            section = budget_section(run, by_model, options, lacks)
         except DataError as error:
             return Uncertainty(f"{REPEATABILITY}: {error}")
         return Uncertainty(f"{REPEATABILITY} here; rig infer adds the influences of the register", section)

@@ -1,0 +1,106 @@
+"""For what results hold, where the trace found effects that their model lacks: sentences and labels, by sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from rig.fitter.arrays import FloatArray
+from rig.fitter.budget import Budgeted
+from rig.procedures.column_names import spelled, stem_of, unit_of
+from rig.procedures.evaluate.budgeting import Evaluation
+from rig.procedures.tables.table import Table
+from rig.units.si import per_term
+
+NEAR = 0.02
+"""Share of the range of a quantity within which a reading is at a setting."""
+
+
+def in_state(effects: Sequence[str], holds: Mapping[str, str]) -> str:
+    """Effects in words, each with the state for which results hold without it."""
+    return ", ".join(f"{one} ({holds[one]})" if one in holds else one for one in effects)
+
+
+def held(states: Mapping[str, str]) -> str:
+    """For which state of each effect results hold, a sentence."""
+    return f"Results hold: {'; '.join(f'of {name}, {words}' for name, words in states.items())}."
+
+
+def lacking(
+    table: Table,
+    declared: Evaluation,
+    traced: Evaluation,
+    effects: Mapping[str, Sequence[str]],
+    made: Sequence[Budgeted] = (),
+) -> Mapping[str, str]:
+    """Effects that the model of the results lacks, and how far it is away from the one with them, in words by output.
+
+    Args:
+        table: observations of the run.
+        declared: the evaluation by the model of the results.
+        traced: that with the effects that the model lacks.
+        effects: names of these, by output.
+        made: budgets of the results; their uncertainties are compared with what outputs are away at their points.
+    """
+    mine, theirs, holds = declared.modelled(), traced.modelled(), traced.holds()
+    found = {}
+    for output, names in effects.items():
+        if not names:
+            continue
+        states = dict.fromkeys(names, "over the conditions of the run") | dict(holds.get(output, {}))
+        told = f"The model of these results lacks {', '.join(names)}. {held({one: states[one] for one in names})}"
+        if output in mine and output in theirs:
+            away = np.abs(theirs[output] - mine[output])
+            told += f" {_worst(table, output, away)}{_covered(table, declared, output, away, made)}"
+        found[output] = told
+    return found
+
+
+def _worst(table: Table, output: str, away: FloatArray) -> str:
+    """Where in the run the model with the effects is farthest from the declared one, a sentence."""
+    row, unit = int(np.argmax(away)), spelled(unit_of(output))
+    place = [
+        f"{stem_of(name).replace('_', ' ')} {table.columns[name][row]:.4g} {spelled(unit_of(name))}"
+        for name in table.factors
+        if name in table.columns
+    ]
+    if "elapsed_s" in table.columns:
+        place.append(f"{table.columns['elapsed_s'][row] / 3600.0:.2g} h after the start")
+    where = f" ({', '.join(place)})" if place else ""
+    return f"At the worst place of the run{where} the model with these effects is {away[row]:.2g} {unit} away."
+
+
+def _covered(table: Table, declared: Evaluation, output: str, away: FloatArray, made: Sequence[Budgeted]) -> str:
+    """Whether the uncertainties of outputs cover what they are away at their points, a sentence; "" without outputs."""
+    results = declared.results
+    places = results.at or ({},) * len(results.names)
+    outputs = [
+        (one, _near(table, away, at))
+        for one, sensor, at in zip(made, results.sensors, places, strict=False)
+        if sensor == output and " output " in one.name
+    ]
+    outside = [
+        f"{one.name[one.name.index('output ') :]}: {most:.2g} {per_term(one.unit)}"
+        for one, most in outputs
+        if most > one.expanded_uncertainty
+    ]
+    if outside:
+        return f" The uncertainty does not cover that everywhere in the run. At most it is, of {'; '.join(outside)}."
+    return " At the settings of each output its uncertainty covers that." if outputs else ""
+
+
+def _near(table: Table, away: FloatArray, at: Mapping[str, float]) -> float:
+    """The largest value among observations whose settings are nearest to a point."""
+    chosen = np.ones(len(away), np.bool_)
+    for name, value in at.items():
+        column = table.columns.get(name)
+        if column is not None:
+            distance = np.abs(column - value)
+            chosen &= distance <= np.min(distance) + NEAR * float(np.ptp(column))
+    return float(np.max(away[chosen], initial=0.0))
+
+
+def by_sensor(told: Mapping[str, str], names: Mapping[str, str]) -> Iterator[str]:
+    """The sentences with the name of their sensor before them."""
+    yield from (f"{names.get(output, output)}: {sentence}" for output, sentence in told.items())
