@@ -38,7 +38,8 @@ def infer_sensors(
         `prt_1_bath_degC` from `prt_1_V`. Sensors of one variable are `alike`.
 
     Raises:
-        DataError: none of the columns is there, or no curve can be inverted.
+        DataError: none of the columns is there, the table has an output without the other quantities that its curve
+            needs, or no curve can be inverted.
     """
     table = read(())
     present = [name for name in calibrations if name in table.columns]
@@ -55,7 +56,10 @@ def infer_sensors(
             refused[name] = error
     if not found:
         raise next(iter(refused.values()))
-    told = tuple(f"{name} was not used: {error}" for name, error in refused.items())
+    for name, why in refused.items():
+        if sum(one not in table.columns for one in calibrations[name].formula.names) > 1:  # so the table lacks a column
+            raise DataError(f"{why}. To infer by {', '.join(found)} alone, leave the column {name} out of the table")
+    told = tuple(f"{name} was not used: {why}" for name, why in refused.items())
     if len(found) == 1:
         ((_, only),) = found.items()
         return replace(only, notes=(*only.notes, *told))

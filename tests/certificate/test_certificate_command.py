@@ -750,6 +750,8 @@ def test_conditions_are_the_smallest_the_mean_and_the_largest(made):
         ("V per unit of force_kN^2", "V/kN^2"),
         ("V per unit of force_kN:bath_degC", "V/(kN*degC)"),
         ("V per unit of log(force_kN)", "V per unit of log(force_kN)"),
+        ("Hz per unit of I((chamber_degC - 25) * flow_kg_per_min)", "Hz*min/(degC*kg)"),
+        ("V per unit of I(log(force_kN))", "V per unit of I(log(force_kN))"),
         ("V", "V"),
         ("Hz per unit of flow_m3_per_h", "Hz*h/m^3"),
         ("Hz per unit of flow_kg_per_min:chamber_degC", "Hz*min/(kg*degC)"),
@@ -763,7 +765,7 @@ def test_units_of_coefficients(unit, plainly):
 def test_a_unit_without_an_si_unit_is_a_text_in_the_xml(made, tmp_path):
     table = made.document.tables[0]
     odd = replace(table.results[0], unit="V per unit of log(force_kN)")
-    document = replace(made.document, tables=(replace(table, results=(odd,)),))
+    document = replace(made.document, tables=(replace(table, results=(odd,)),), budgets=())
     issue(replace(made, document=document), Issue(tmp_path))
     read = read_dcc(tmp_path / "S-2026-001.xml")
     (text,) = [one.text for one in read.quantities if one.where == "results"]

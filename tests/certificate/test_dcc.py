@@ -62,6 +62,18 @@ def test_every_result_has_its_expanded_uncertainty():
     assert all(one.expanded and one.k and one.probability == 0.95 for one in results)
 
 
+def test_every_budget_of_the_annex_is_in_it():
+    made = document()
+    read = parsed(dcc(made), "made.xml")
+    for budget in made.budgets:
+        named = f"{budget.sensor}: uncertainty budget of {budget.label}"
+        found = {one.path[-1]: one.numbers[0] for one in read.quantities if named in one.path and one.numbers}
+        factor = si_unit(budget.unit).factor
+        combined = pytest.approx(float(Decimal(budget.combined) * factor), rel=1e-7)
+        assert found["combined standard uncertainty"].value == combined
+        assert {one.label for one in budget.contributions} <= set(found)
+
+
 def test_every_number_is_read_again():
     made = document()
     read = parsed(dcc(made), "made.xml")

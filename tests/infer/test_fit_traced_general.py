@@ -16,6 +16,7 @@ from rig.procedures.general.effects.time_columns import lagging
 from rig.procedures.general.infer import CurveCalibration
 from rig.procedures.general.infer_runs import infer_sensors
 from rig.procedures.general.infer_table import infer_general
+from rig.procedures.general.model_settings import SensorModel
 from rig.procedures.general.of_runs import RunModels, fit_run
 from rig.procedures.general.traced import fit_traced
 from rig.procedures.tables.table import Table
@@ -93,6 +94,21 @@ def test_columns_that_no_sensor_needs_are_named(in_air):
     readings = {"cell_V": np.array([1.6]), "other_V": np.array([1.6]), "air_degC": np.array([15.0])}
     found = infer_sensors({"cell_V": one, "other_V": two}, lambda needed: Table("r.csv", readings, False, {}))
     assert list(found.unused.columns) == ["air_degC"]
+
+
+def test_a_sensor_whose_curve_needs_a_column_that_is_not_there_is_not_left_out_without_a_word(in_air):
+    """Its output is in the table, so a value is wanted: with exit code 0 nobody reads why it is missing."""
+    formulas = {"cell_V": "1 + force_kN", "other_V": "1 + force_kN + force_kN:air_degC"}
+    asked = RunModels.of(replace(in_air, columns={**in_air.columns, "other_V": in_air.columns["cell_V"]}))
+    assert asked is not None
+    models = {output: SensorModel(formula=text, standard=None, abscissa=None) for output, text in formulas.items()}
+    fitted = fit_run(replace(asked, models=models)).to_json()["sensors"]
+    both = {output: CurveCalibration.from_dict(one["calibration"]) for output, one in fitted.items()}
+    readings = {"cell_V": np.array([1.6]), "other_V": np.array([1.6])}
+    with pytest.raises(DataError, match="To infer by cell_V alone, leave the column other_V out of the table"):
+        infer_sensors(both, lambda needed: Table("r.csv", readings, False, {}))
+    del readings["other_V"]
+    assert infer_sensors(both, lambda needed: Table("r.csv", readings, False, {})).quantities == ("force_kN",)
 
 
 def test_it_is_for_run_files(tmp_path):

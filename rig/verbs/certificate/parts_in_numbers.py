@@ -25,7 +25,7 @@ from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.document import Condition, Holding
 from rig.verbs.certificate.measured import Budget, Contribution, Effect, Result, ResultTable, Stage
 from rig.verbs.certificate.typeset import raised
-from rig.verbs.confirm import Confirmed
+from rig.verbs.confirm import Confirmed, ends
 
 SMALL = 1e-3
 """Share of the variance below which an influence is not listed."""
@@ -271,8 +271,11 @@ def effects(
                 continue
             size = "; ".join((one.size + (f" ({one.size_95})" if one.size_95 else ""), *constants_of(one.more)))
             if answer is not None and confirms:
-                later = (m.sizes.get(outcome.sensor) for m in answer.members if m.effect == one.effect)
-                size += "".join(f"; by the further run {told}" for told in later if told)
+                (mine,) = (m for m in answer.members if m.effect == one.effect)
+                if told := mine.sizes.get(outcome.sensor):
+                    size += f"; by the further run {told}"
+                if mine.zero:  # that run has few rows, and alone may leave the size open
+                    size += f"; by both runs together {ends(mine, outcome.sensor)}"
             cause = one.cause.partition(": ")[0].partition("; ")[0]
             yield Effect(sensor, one.effect, cause, size, confirms, how, stage)
 

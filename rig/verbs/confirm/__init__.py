@@ -1,6 +1,6 @@
 """Confirmation of a trace by a further run: proposals, expected separation, and results."""
 
-from rig.verbs.confirm.answers import Confirmed, chance, evidence, following, judge, sentences, sizes, unfit
+from rig.verbs.confirm.answers import Confirmed, chance, ends, evidence, following, judge, sentences, sizes, unfit
 from rig.verbs.confirm.calibration import fit_confirmed, with_confirmed
 from rig.verbs.confirm.first import First, open_traced
 from rig.verbs.confirm.further_plan import plan_for, procedure_text
@@ -23,6 +23,7 @@ __all__ = [
     "Proposal",
     "chance",
     "consider",
+    "ends",
     "evidence",
     "fit_confirmed",
     "following",

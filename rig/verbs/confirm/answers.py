@@ -250,7 +250,7 @@ def evidence(answer: Confirmation) -> str:
         text += (
             f" By the further run alone the 95 % interval of {listed(best.zero)} contains zero: that run also has "
             "to determine the declared model and the other effects; the verdict uses both runs together, with "
-            f"{_ends(best)}."
+            f"{ends(best)}."
         )
     return text
 
@@ -282,8 +282,12 @@ def _against(member: Member) -> str:
     return ", ".join(reasons)
 
 
-def _ends(member: Member) -> str:
-    pairs = zip(member.terms, member.intervals_together, strict=True)
+def ends(member: Member, sensor: str = "") -> str:
+    """95 % intervals of a cause by both runs, each with its term: of all sensors, or where they have terms of their
+    own, of one.
+    """
+    pairs = list(zip(member.terms, member.intervals_together, strict=True))
+    pairs = [one for one in pairs if sensor and one[0].endswith(f"({sensor})")] or pairs
     return ", ".join(f"{_range(low, high)} for {name}" for name, (low, high) in pairs)
 
 
