@@ -18,7 +18,8 @@ OTHER = "cell_V: creep:force_kN: these data cannot separate it from lag:force_kN
 
 
 def member(effect, *, holds):
-    return SimpleNamespace(effect=effect, holds=holds, sizes={"cell_V": "1.2 mV (1.1 to 1.3)"} if holds else {})
+    sizes = {"cell_V": "1.2 mV (1.1 to 1.3)"} if holds else {}
+    return SimpleNamespace(effect=effect, holds=holds, sizes=sizes, zero=())
 
 
 def confirmed(verdict="confirmed", effect="drift:elapsed_s"):
@@ -42,6 +43,14 @@ def test_a_note_says_what_the_run_alone_leaves_open_and_what_the_further_run_say
     assert "the data of this run alone cannot separate it from ageing:elapsed_s, slow-wander" in first
     assert "the further run confirms drift:elapsed_s and excludes ageing:elapsed_s, and the budgets count the" in first
     assert second == f"{OTHER}."
+
+
+def test_a_doubt_without_another_cause_has_no_difference_that_budgets_count():
+    """Each confirmed effect that the reason named was said to be counted, too."""
+    doubt = "cell_V: drift:elapsed_s: it is doubtful: step:elapsed_s and creep:force_kN do as well together"
+    answers = [*confirmed().answers, *confirmed(effect="creep:force_kN").answers]
+    (told,) = notes(run(doubt), SimpleNamespace(answers=answers))
+    assert told.endswith("together; the further run confirms drift:elapsed_s and excludes step:elapsed_s.")
 
 
 @pytest.mark.parametrize(
@@ -69,6 +78,11 @@ def test_the_state_of_the_effect_says_what_was_excluded():
     assert one.confirmed
     assert one.how == f"by later.sqlite, head {'ab' * 8}, which excludes ageing:elapsed_s"
     assert one.size == "1 mV; by the further run 1.2 mV (1.1 to 1.3)"
+    both = confirmed()
+    mine = both.answers[0].members[0]
+    mine.zero, mine.terms, mine.intervals_together = ("t",), ("t (a_V)", "t (cell_V)"), ((1.0, 2.0), (0.1, 0.3))
+    (one,) = effects(run(), [outcome], both, "", {Path("later.sqlite"): "ab" * 16})
+    assert one.size.endswith("1.2 mV (1.1 to 1.3); by both runs together 0.1 to 0.3 for t (cell_V)")
     finding.effect = "outliers"
     (other,) = effects(run(), [outcome], confirmed(), "", {Path("later.sqlite"): "ab" * 16})
     assert other.how == "the further run was not judged by it"

@@ -107,7 +107,9 @@ _OF_THE_RUN = {
 def _with_further_runs(note: str, confirmed: Confirmed | None) -> str:
     """A note about the data of the run, with the results of further runs for the effect that it names."""
     answers = [] if confirmed is None else confirmed.answers
-    settled = [one for one in answers if one.verdict == "confirmed" and _names(one.effect, note)]
+    about = note[: min((note.index(said) for said in _OF_THE_RUN if said in note), default=0)]
+    settled = [one for one in answers if one.verdict == "confirmed" and _names(one.effect, about)]
+    counted = ", and the budgets count the difference all the same" if "cannot separate" in note else ""
     if not settled or not any(said in note for said in _OF_THE_RUN):
         return note
     for said, instead in _OF_THE_RUN.items():
@@ -115,7 +117,7 @@ def _with_further_runs(note: str, confirmed: Confirmed | None) -> str:
     for one in settled:
         excluded = [name for name in _excluded(one) if _names(name, note)]
         also = f" and excludes {', '.join(excluded)}" if excluded else ""
-        note += f"; the further run confirms {one.effect}{also}, and the budgets count the difference all the same"
+        note += f"; the further run confirms {one.effect}{also}{counted}"
     return note
 
 
@@ -271,11 +273,11 @@ def effects(
                 continue
             size = "; ".join((one.size + (f" ({one.size_95})" if one.size_95 else ""), *constants_of(one.more)))
             if answer is not None and confirms:
-                (mine,) = (m for m in answer.members if m.effect == one.effect)
-                if told := mine.sizes.get(outcome.sensor):
-                    size += f"; by the further run {told}"
-                if mine.zero:  # that run has few rows, and alone may leave the size open
-                    size += f"; by both runs together {ends(mine, outcome.sensor)}"
+                for mine in (m for m in answer.members if m.effect == one.effect):
+                    told = mine.sizes.get(outcome.sensor)
+                    size += f"; by the further run {told}" if told else ""
+                    if mine.zero:  # that run has few rows, and alone may leave the size open
+                        size += f"; by both runs together {ends(mine, outcome.sensor)}"
             cause = one.cause.partition(": ")[0].partition("; ")[0]
             yield Effect(sensor, one.effect, cause, size, confirms, how, stage)
 
