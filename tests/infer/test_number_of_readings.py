@@ -59,6 +59,19 @@ def test_95_of_100_intervals_hold_the_truth_whatever_the_number_of_readings_in_u
     assert count > READINGS or inside / total < 0.965
 
 
+def test_an_interval_for_more_readings_than_in_the_run_is_no_wider(tmp_path):
+    """For 100 in place of 5 it was a hundred times as wide: what two estimates left had no degree of freedom."""
+    read = {"s_Hz": truth(np.array([1.0, 2.0, 3.0]))}
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        calibration = fitted(exported(rng, tmp_path / "t.csv"))
+        widths = []
+        for count in (READINGS, 20, 100, 1000):
+            found = calibration.infer(read, mean_of=count)
+            widths.append(found["x_kg_hi95"] - found["x_kg_lo95"])
+        assert all((one <= widths[0] * (1.0 + 1e-9)).all() for one in widths)
+
+
 def test_every_output_says_for_how_many_readings_it_holds(tmp_path):
     fitted(exported(np.random.default_rng(1), tmp_path / "t.csv")).save(tmp_path / "c.json")
     (tmp_path / "r.csv").write_text("s_Hz\n230\n590\n")

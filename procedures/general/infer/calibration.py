@@ -206,9 +206,20 @@ class CurveCalibration:
     def reading_variance(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n,) variance of a new reading minus the curve at (n, k) `rows`, and its degrees of freedom.
 
-        Satterthwaite's of the estimated variances; infinite if all are known.
+        Satterthwaite's of the estimated variances; infinite if all are known. The mean of more readings than in the run
+        is at least as certain as that of those: where a difference of two estimates gives a wider interval, both are of
+        the latter.
         """
-        change, df = self.change
+        variance, df = self._reading_variance(rows, self.change)
+        if self.change[0] < 0.0:
+            least, of_least = self._reading_variance(rows, (0.0, np.inf))
+            wider = student(df) * np.sqrt(variance) > student(of_least) * np.sqrt(least)
+            variance, df = np.where(wider, least, variance), np.where(wider, of_least, df)
+        return variance, df
+
+    def _reading_variance(self, rows: FloatArray, by: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+        """As `reading_variance`, with another change."""
+        change, df = by
         own = self.variances.sum() + change if self.reading is None else self.reading**2
         of_curve, gradient = self.factored.moments(rows)
         variance, gradient = of_curve + own, gradient + (1.0 if self.reading is None else 0.0)
