@@ -23,9 +23,9 @@ from rig.run_file.read.reader import RunReader
 from rig.run_file.state.corrected import correction
 from rig.run_file.state.state import read_state
 from rig.run_file.write.writer import RunWriter
+from rig.runs.certificate_fields import SETTINGS
 from rig.runs.plans import stored_plan
 from rig.verbs.certificate.numbers_issued import numbers_issued
-from rig.verbs.certificate.request import SETTINGS
 from rig.verbs.certificate.settings import read_settings
 from rig.who import operator
 

@@ -19,6 +19,7 @@ from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT, check_register, parse_register, register_beside
 from rig.run_file.bodies import shown
 from rig.run_file.events.sessions import Identified
+from rig.runs.certificate_fields import SETTINGS, lacking_beside
 from rig.runs.matching import check_match, check_names
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ class Plan:
         dry: whether twins replace the instruments.
         truth: the world file's values; passed only to twins.
         world: name of the world file, for messages.
+        unsettled: fields that a certificate needs and the settings beside the bench file lack, as sentences.
     """
 
     documents: Mapping[str, str]
@@ -56,6 +58,7 @@ class Plan:
     dry: bool
     truth: Mapping[str, Any]
     world: str = "world.toml"
+    unsettled: tuple[str, ...] = ()
 
 
 def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | None = None) -> Plan:
@@ -67,7 +70,7 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
         documents["world.toml"] = read_text(world, "world")
     config = parse_bench(documents["bench.toml"], str(bench))
     documents |= files_beside(config, bench)
-    documents |= _register(config, bench) | _conformity(bench.parent / "certificate.toml")
+    documents |= _register(config, bench) | _conformity(bench.parent / SETTINGS)
     against = parse_procedure(documents["procedure.toml"], str(procedure)).warnings.against
     if against is not None:
         from rig.runs.previous import previous_text  # noqa: PLC0415 - imports the fitter, which few runs need
@@ -86,6 +89,7 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
         kind_of(plan.procedure).check_design(plan.procedure, plan.run_list)
     except FitError as error:
         raise ConfigurationError(f"{procedure}: {error}") from error
+    plan = replace(plan, unsettled=lacking_beside(bench))
     misfit, sensors = plan.procedure.conduct.misfit, config.sensors
     columns = {name: f"{name}_{sensor.unit}" for name, sensor in sensors.items()}
     if misfit is not None and (defect := misfit(columns, config.read_only)):

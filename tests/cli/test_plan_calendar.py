@@ -116,18 +116,28 @@ def test_nothing_is_said_where_the_register_states_all_of_it():
     ]
 
 
-def test_plan_says_everything_in_the_register_that_stops_a_certificate(tmp_path):
-    """A chamber without an error was not said by plan, and the certificate was refused after the night."""
+def test_plan_says_everything_in_register_and_settings_that_stops_a_certificate(tmp_path):
+    """A chamber without an error was not said by plan, nor a missing country, and the certificate was refused after the
+    night.
+    """
     without = REGISTER.replace('quantity = "force_kN"', 'quantity = "air_degC"')
     without = without.replace('serial = "77"', "").replace('customer = "Bridge builders"', "")
     path = stand(tmp_path, register=without)
     (tmp_path / "bench.toml").write_text(WITH_ASSETS)
     (tmp_path / "procedure.toml").write_text(PROCEDURE)
-    found = plan(tmp_path / "procedure.toml", tmp_path / "bench.toml")
+    planned = (tmp_path / "procedure.toml", tmp_path / "bench.toml")
+    assert "there is no certificate.toml beside the bench file" in " ".join(
+        plan(*planned).to_json()["stops_certificate"]
+    )
+    settings = settled(tmp_path)
+    settings.write_text(settings.read_text().replace('country = "GB"', ""))
+    assert settings.name == "certificate.toml"
+    found = plan(*planned)
     told = found.to_json()["stops_certificate"]
     assert told == [
         "the serial number of cell is missing: add sensors.cell.serial in equipment.toml",
         "the customer is missing: add sensors.*.customer in equipment.toml",
+        'the country of the laboratory is missing: add country = "GB" in certificate.toml',
         "force_kN: the register states no error of what reads or sets it; add what its certificate says, if a result "
         "depends on it",
     ]
@@ -135,8 +145,9 @@ def test_plan_says_everything_in_the_register_that_stops_a_certificate(tmp_path)
         f"a certificate would be refused:[/] {one.partition('[')[0]}" in str(list(found.blocks())) for one in told
     )
     with pytest.raises(Refused) as refused:
-        make(CertificateRequest((path,), date.fromisoformat(ISSUED), settings=settled(tmp_path)))
-    assert {one.removesuffix(", if a result depends on it") for one in told} <= set(refused.value.reasons)
+        make(CertificateRequest((path,), date.fromisoformat(ISSUED), settings=settings))
+    reasons = {one.replace(str(settings), settings.name) for one in refused.value.reasons}
+    assert {one.removesuffix(", if a result depends on it") for one in told} <= reasons
 
 
 def test_errors_of_a_world_file_have_its_name_and_the_variables_there_are(tmp_path):

@@ -17,6 +17,7 @@ from rig.procedures.tables.table import CORRECTED
 from rig.register import DOCUMENT, Register, SensorItem, item_of
 from rig.register.check import Entry, entries
 from rig.run_file.state.state import RunState
+from rig.runs.certificate_fields import lacking
 from rig.units.of_instruments import TEMPERATURE_UNIT
 from rig.verbs.budget.evaluation import OfRun
 from rig.verbs.certificate.document import Equipment, Evidence, Item, Laboratory, Logo, Method, Party, Person
@@ -59,11 +60,8 @@ class Origin:
 
 def settled(settings: CertificateSettings, origin: Origin, missing: Missing, approved: str) -> None:
     """Note what only the settings can say, whatever the run is."""
-    given, where = missing.given, origin.settings
-    given(settings.country, "the country of the laboratory", f'country = "GB" in {where}')
-    given(settings.item, "what the items are", f'item = "..." in {where}')
-    given(settings.method.name, "the calibration method", f"method.name in {where}")
-    given(approved or settings.approved_by, "who approves", f"approved_by in {where}, or --approved-by")
+    values = {"country": settings.country, "item": settings.item, "method.name": settings.method.name}
+    missing.reasons += lacking({**values, "approved_by": approved or settings.approved_by}, origin.settings)
 
 
 def laboratory(register: Register, settings: CertificateSettings, origin: Origin, missing: Missing) -> Laboratory:

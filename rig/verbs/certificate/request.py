@@ -8,8 +8,7 @@ from datetime import date
 from pathlib import Path
 
 from rig.register.surroundings import Range
-
-SETTINGS = "certificate.toml"
+from rig.runs.certificate_fields import SETTINGS
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ def not_stated(plan: Plan) -> list[str]:
 
 
 def stops(plan: Plan, on: date) -> list[str]:
-    """Facts of the register for which `rig certificate` would refuse a certificate of the run, one sentence each.
+    """Facts of register and settings for which `rig certificate` would refuse a certificate, one sentence each.
 
     Raises:
         ConfigurationError: the register cannot be used for the bench.
@@ -58,7 +58,7 @@ def stops(plan: Plan, on: date) -> list[str]:
     outputs = [f"{name}_{sensor.unit}" for name, sensor in plan.bench.sensors.items()]
     unstated = stated_of(register, plan.bench, on).unstated([*outputs, *factors])
     found = ["the register has example values"] if register.example and not plan.dry else []
-    found += needed(register, plan.bench.sensors, DOCUMENT)
+    found += [*needed(register, plan.bench.sensors, DOCUMENT), *plan.unsettled]
     found += stopping(unstated, outputs, ())
     return [*found, *(f"{one}, if a result depends on it" for one in stopping(unstated, (), factors))]
 
