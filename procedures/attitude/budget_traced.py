@@ -84,6 +84,10 @@ class TracedEvaluation(AttitudeEvaluation):
         for named, members in by_named.items():
             yield alike(named, members)
 
+    def aside(self) -> Mapping[str, FloatArray]:
+        """See `Evaluation`."""
+        return dict(zip(self._data.outputs, self._held, strict=True))
+
     def holds(self) -> Mapping[str, Mapping[str, str]]:
         """See `Evaluation`."""
         names = {sensor for by in self._effects.values() for sensor in by}

@@ -142,6 +142,10 @@ class Evaluation(ABC):
         """(n,) output of each observation by the model, with all effects that it has or leaves out, by sensor."""
         return {name: self.columns[name] - left for name, left in self.residuals({}).items()}
 
+    def aside(self) -> Mapping[str, FloatArray]:
+        """(n,) part of `modelled` that is of effects that are left out of the results, by sensor."""
+        return {}
+
     def holds(self) -> Mapping[str, Mapping[str, str]]:
         """For which state results hold where an effect is left out of them, in words, by sensor and effect."""
         return {}

@@ -11,8 +11,8 @@ from rig.fitter.sums_of_squares import FTest
 SERIES = "rising and falling series of the run"
 """Source of a line."""
 EITHER_SIDE = (
-    "reversibility: each reading is on one of two sides, so half of the difference between them is its standard "
-    "uncertainty. Where it dominates, the coverage factor is smaller than Student's t: U is half of the difference "
+    "each reading is on one of two sides, so half of the difference between them is the standard uncertainty of "
+    "reversibility. Where it dominates, the coverage factor is smaller than Student's t: U is half of the difference "
     "plus the one-sided limit of the rest"
 )
 

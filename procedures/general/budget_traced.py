@@ -50,8 +50,12 @@ class TracedEvaluation(GeneralEvaluation):
 
     def modelled(self) -> Mapping[str, FloatArray]:
         """See `Evaluation`."""
-        off = {output: each.sum(axis=1) for output, each in self._found.off.items()}
+        off = self.aside()
         return {output: values + off.get(output, 0.0) for output, values in super().modelled().items()}
+
+    def aside(self) -> Mapping[str, FloatArray]:
+        """See `Evaluation`."""
+        return {output: each.sum(axis=1) for output, each in self._found.off.items()}
 
     def holds(self) -> Mapping[str, Mapping[str, str]]:
         """See `Evaluation`."""

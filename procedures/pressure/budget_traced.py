@@ -85,9 +85,14 @@ class TracedEvaluation(PressureEvaluation):
 
     def modelled(self) -> Mapping[str, FloatArray]:
         """See `Evaluation`."""
-        found = dict(super().modelled())
+        off = self.aside()
+        return {sensor: values + off.get(sensor, 0.0) for sensor, values in super().modelled().items()}
+
+    def aside(self) -> Mapping[str, FloatArray]:
+        """See `Evaluation`."""
+        found: dict[str, FloatArray] = {}
         for sensor, mV in (pair for by in self._off.values() for pair in by.items()):
-            found[sensor] = found[sensor] + mV
+            found[sensor] = found.get(sensor, np.zeros(len(mV))) + mV
         return found
 
     def holds(self) -> Mapping[str, Mapping[str, str]]:

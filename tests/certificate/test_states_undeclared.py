@@ -65,6 +65,16 @@ def test_the_page_says_for_which_state_results_hold_and_how_far_the_run_was_away
     assert float(told.split("the model with these effects is ")[1].split()[0]) == pytest.approx(most, rel=0.05)
 
 
+def test_a_traced_page_says_what_was_left_out_of_its_results(runs):
+    asked = CertificateRequest((runs[0],), DAY, settings=LAB / "certificate.toml", traced=True)
+    document = make(asked).document
+    (table,) = document.tables
+    assert "lacks" not in table.notes[-1]
+    assert f"of {DRIFT}, for its mean over the run" in table.notes[-1]
+    assert "At the worst place of the run (force" in table.notes[-1]
+    assert f"{DRIFT} (for its mean over the run)" in document.models[0]
+
+
 def test_a_line_names_the_state_that_its_number_is_of(runs):
     """The label named the drift; the number was of the results in its mean."""
     lines = {line.name for one in budget(runs[0]).found.budgets for line in one.contributions}
@@ -82,7 +92,7 @@ def test_what_an_uncertainty_does_not_cover_is_said_of_the_result():
     made = [SimpleNamespace(name=name, unit="V", expanded_uncertainty=0.3) for name in results.names]
     told = lacking(table, declared, traced, {"y_V": ["drift"]}, made)["y_V"]
     assert "0.5 V away" in told
-    assert told.endswith("does not cover that everywhere in the run. At most it is, of output at x 2 mm: 0.5 V.")
+    assert told.endswith("does not cover that: output at x 2 mm has U = 0.3 V, and the run was up to 0.5 V away there.")
 
 
 def test_an_effect_that_is_left_open_does_not_take_the_settled_ones_out_of_the_results(runs, found, monkeypatch):

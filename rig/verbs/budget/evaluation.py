@@ -45,6 +45,7 @@ from rig.run_file.read.reader import RunReader
 from rig.tables import is_run, run_table
 from rig.verbs.budget.held import held, outside_of
 from rig.verbs.budget.identities import contradicted, not_told
+from rig.verbs.budget.lacking import left_out
 
 BY_SHAPE = (
     "coverage factors are by the shapes of the distributions: smaller than Student's t where limits of error dominate, "
@@ -113,7 +114,7 @@ class RunBudget:
         outside: points beyond the settings of the run, as sentences.
         undeclared: results whose budgets have a line for effects that the declared model lacks.
         lacks: effects that were found and that the model of the results lacks, by output.
-        lacking: the same in words, with that for which the results hold, by output.
+        lacking: the same in words, with the states for which the results hold, by output.
     """
 
     of: OfRun
@@ -331,7 +332,8 @@ def budget_of(
             raise DataError(f"simulation of the budgets: {error}") from error
         notes += simulated_notes(made, checks, seed)
     told = (tuple(notes), checks, unstated, outside)
-    return RunBudget(of, evaluation, made, results.sensors, type_a, found.influences, *told)
+    held_at = left_out(of.table, evaluation, made)
+    return RunBudget(of, evaluation, made, results.sensors, type_a, found.influences, *told, lacking=held_at)
 
 
 def _inferred_from(evaluation: Evaluation, results: Results) -> list[str]:

@@ -57,6 +57,24 @@ def lacking(
     return found
 
 
+def left_out(table: Table, evaluation: Evaluation, made: Sequence[Budgeted]) -> Mapping[str, str]:
+    """For which state of each effect that is left out of them results hold, and how far the run was away, by output.
+
+    Args:
+        table: observations of the run.
+        evaluation: of the results.
+        made: their budgets.
+    """
+    aside, found = evaluation.aside(), {}
+    for output, states in evaluation.holds().items():
+        if states:
+            found[output] = held(states)
+            if output in aside:
+                away = np.abs(aside[output])
+                found[output] += f" {_worst(table, output, away)}{_covered(table, evaluation, output, away, made)}"
+    return found
+
+
 def _worst(table: Table, output: str, away: FloatArray) -> str:
     """Where in the run the model with the effects is farthest from the declared one, a sentence."""
     row, unit = int(np.argmax(away)), spelled(unit_of(output))
@@ -81,12 +99,13 @@ def _covered(table: Table, declared: Evaluation, output: str, away: FloatArray, 
         if sensor == output and " output " in one.name
     ]
     outside = [
-        f"{one.name[one.name.index('output ') :]}: {most:.2g} {per_term(one.unit)}"
+        f"{one.name[one.name.index('output ') :]} has U = {one.expanded_uncertainty:.2g} {per_term(one.unit)}, and the "
+        f"run was up to {most:.2g} {per_term(one.unit)} away there"
         for one, most in outputs
         if most > one.expanded_uncertainty
     ]
     if outside:
-        return f" The uncertainty does not cover that everywhere in the run. At most it is, of {'; '.join(outside)}."
+        return f" The uncertainty does not cover that: {'; '.join(outside)}."
     return " At the settings of each output its uncertainty covers that." if outputs else ""
 
 

@@ -20,7 +20,7 @@ from rig.register.surroundings import shown_unit
 from rig.units.si import per_term
 from rig.verbs.budget.evaluation import RunBudget
 from rig.verbs.budget.found import Found
-from rig.verbs.budget.lacking import held, in_state
+from rig.verbs.budget.lacking import in_state
 from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.document import Condition, Holding
 from rig.verbs.certificate.measured import Budget, Contribution, Effect, Result, ResultTable, Stage
@@ -80,8 +80,7 @@ def tables(run: RunBudget, stage: Stage) -> tuple[ResultTable, ...]:
         title = "results" if column else _SHARED
         results = tuple(_result(one, column, run) for one in ones)
         described = run.evaluation.described(column) if column else ""
-        states = run.evaluation.holds().get(column, {})
-        lacking = run.lacking.get(column) or (held(states) if states else "")
+        lacking = run.lacking.get(column, "")
         told = (*((f"{described}.",) if described else ()), *((lacking,) if lacking else ()))
         found.append(ResultTable(sensor_of(column, run), title, results, (), stage, told))
     return tuple(found)
