@@ -257,7 +257,11 @@ def sources(run: Path, stand: AnyStand, made: Made) -> tuple[list[float], str]:
             numbers += [float(values.min()), float(values.mean()), float(values.max())]
     traced = open_data(run).trace()
     numbers += [scale * number for number in numbers_of(traced.to_json()["sensors"]) for scale in (1.0, 100.0)]
-    kept += [f"{one.cause} {one.size} {one.size_95}" for outcome in traced.traced.outcomes for one in outcome.findings]
+    kept += [
+        f"{one.cause} {one.size} {one.size_95} {one.shared}"
+        for outcome in traced.traced.outcomes
+        for one in outcome.findings
+    ]
     fixed = json.dumps({name: text for name, text in vars(words).items() if name.isupper()}, default=str)
     kept += [settings.decision.words, DOMINATED, SERIES]
     return numbers, " ".join([*kept, (stand.folder / "certificate.toml").read_text(), fixed])

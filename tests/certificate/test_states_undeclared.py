@@ -11,7 +11,7 @@ import pytest
 from command import rig
 
 from rig.fitter.confirm import Confirmation
-from rig.tables import run_table
+from rig.tables import FileSource, run_table
 from rig.verbs.budget.evaluation import run_with_register
 from rig.verbs.budget.found import budget_with, found_in
 from rig.verbs.budget.lacking import lacking
@@ -19,6 +19,7 @@ from rig.verbs.budget.result import budget
 from rig.verbs.certificate.html import html
 from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import make
+from rig.verbs.data.result import fit_source
 
 LAB = Path(__file__).parents[2] / "examples" / "load-cell-lab"
 DAY = date(2026, 11, 24)
@@ -109,6 +110,11 @@ def test_an_effect_that_is_left_open_does_not_take_the_settled_ones_out_of_the_r
     lines = [line.name for one in made.budgets for line in one.contributions]
     assert "reversibility of cell_V" in lines  # the side is in the model, and its results are half-way
     assert "The model of these results lacks drift:elapsed_s." in made.lacking["cell_V"]
+    calibration = fit_source(FileSource(runs[0]), {}, (), runs[1:], keep=True)
+    kept = calibration.to_json()["budget"]
+    assert kept["uncertainty"] == "total"
+    assert "reversibility of cell_V" in [line["name"] for line in kept["lines"]["cell_V"]]
+    assert any("The model of these results lacks drift:elapsed_s." in note for note in kept["notes"])
 
 
 def test_a_budget_with_confirmed_effects_is_that_of_the_traced_model(runs):
