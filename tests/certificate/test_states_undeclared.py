@@ -73,6 +73,7 @@ def test_a_traced_page_says_what_was_left_out_of_its_results(runs):
     assert "lacks" not in table.notes[-1]
     assert f"of {DRIFT}, for its mean over the run" in table.notes[-1]
     assert "At the worst place of the run (force" in table.notes[-1]
+    assert "Where states of effects stand below a table of results, this is so in these states." in html(document)
     assert f"{DRIFT} (for its mean over the run)" in document.models[0]
 
 

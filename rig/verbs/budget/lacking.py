@@ -13,6 +13,8 @@ from rig.procedures.evaluate.budgeting import Evaluation
 from rig.procedures.tables.table import Table
 from rig.units.si import per_term
 
+STATES = "Results hold:"
+"""Begin of a sentence about states."""
 NEAR = 0.02
 """Share of the range of a quantity within which a reading is at a setting."""
 
@@ -24,7 +26,7 @@ def in_state(effects: Sequence[str], holds: Mapping[str, str]) -> str:
 
 def held(states: Mapping[str, str]) -> str:
     """For which state of each effect results hold, a sentence."""
-    return f"Results hold: {'; '.join(f'of {name}, {words}' for name, words in states.items())}."
+    return f"{STATES} {'; '.join(f'of {name}, {words}' for name, words in states.items())}."
 
 
 def lacking(
