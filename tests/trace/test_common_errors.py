@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from proving.truth.whole_plot import WHOLE_PLOT, Bench, Transducer, simulate
+from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Transducer, simulate
 from rig.fitter.trace.chance import ALPHA, COUNTED
 from rig.procedures.pressure.fit import named_formula
-from rig.procedures.pressure.trace import null, trace_whole_plots
+from rig.procedures.pressure.trace import trace_whole_plots
 from rig.procedures.pressure.trace.common import common_error
+from rig.procedures.pressure.trace.posed import white_of
 from rig.procedures.pressure.trace.problem import pose
 from rig.procedures.pressure.trace.run import scene_of
 
@@ -19,27 +20,29 @@ TWO = (Transducer(), Transducer(offset=-0.2, sensitivity=1.7))
 ONE, OTHER = "bridge_1_mV", "bridge_2_mV"
 
 
-def problem_of(data):
+def common(data):
+    """What the first transducer has in common with the other one beside the declared model."""
     names, columns = named_formula("full").columns(data.table)
-    return pose(data, names, columns, scene_of(data), ())
+    problem = pose(data, names, columns, scene_of(data), ())
+    white = white_of(problem, np.tile([(WHOLE_PLOT / SUBPLOT) ** 2, 0.0, 0.0], (len(problem.sensors), 1)))
+    return common_error(problem, white.view("whole-plot", ()), 0)
 
 
 @pytest.mark.parametrize("wanders", [0.0, 0.7])
 def test_transducers_with_errors_of_their_own_have_nothing_in_common(wanders):
     """100 runs, neighbours in time alike or not: 3.5 % of a seventh of the level, so hardly one."""
     bench = Bench(TWO, wanders=wanders)
-    ps = [common_error(problem_of(simulate(bench, seed=seed)), (), 0).p for seed in range(100)]
+    ps = [common(simulate(bench, seed=seed)).p for seed in range(100)]
     assert np.sum(np.array(ps) < 0.05) <= 5 + 3 * np.sqrt(5)
     assert np.sum(np.array(ps) * 2 / COUNTED <= ALPHA) <= 1
 
 
 def test_one_transducer_has_nothing_to_share():
-    assert common_error(problem_of(simulate(Bench((Transducer(),)), seed=1)), (), 0) is None
+    assert common(simulate(Bench((Transducer(),)), seed=1)) is None
 
 
-def test_a_cause_of_whole_plots_that_all_transducers_see_is_said(monkeypatch):
+def test_a_cause_of_whole_plots_that_all_transducers_see_is_said():
     """What stood in the line at the last cooling, say: three times a whole plot's error, in no catalogue."""
-    monkeypatch.setattr(null, "DRAWS", null.DRAWS // 4)
     data = simulate(Bench(TWO), seed=4)
     held = 3.0 * WHOLE_PLOT * np.random.default_rng(9).standard_normal(int(data.whole_plot.max()) + 1)[data.whole_plot]
     outputs = {ONE: data.outputs[ONE] + held, OTHER: data.outputs[OTHER] - 0.8 * held}

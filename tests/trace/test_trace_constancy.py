@@ -22,12 +22,10 @@ from rig.fitter.trace.exchange import stands_in
 from rig.fitter.trace.flexible import waves
 from rig.fitter.trace.sudden import lead_over_slopes, slopes
 from rig.procedures.attitude.trace import trace
-from rig.procedures.pressure.trace import null
 
 
 @pytest.fixture(autouse=True)
 def _few_draws(monkeypatch):
-    monkeypatch.setattr(null, "DRAWS", null.DRAWS // 4)
     monkeypatch.setattr(family, "MOST", 500)
 
 

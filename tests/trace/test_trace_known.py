@@ -27,11 +27,10 @@ from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.fit import named_formula
 from rig.procedures.pressure.trace.estimate import design_of
 from rig.procedures.pressure.trace.estimate import estimate as estimate_plots
-from rig.procedures.pressure.trace.neighbours import RHO, neighbours
+from rig.procedures.pressure.trace.judge import WholePlotJudge
 from rig.procedures.pressure.trace.problem import Problem
 from rig.procedures.pressure.trace.problem import pose as pose_plots
 from rig.procedures.pressure.trace.run import scene_of
-from rig.procedures.pressure.trace.score import _scored, beside, score
 
 SMALL = D1(60, 5, 5, replications=4)
 
@@ -122,38 +121,6 @@ def test_products_among_others_are_those_alone_in_their_places():
     assert among.columns.shape == (6, 6)
 
 
-def test_correlations_of_neighbours_together_are_those_of_each(plots):
-    """Likelihood with one column in the model, by least squares with each covariance."""
-    around, strata = neighbours(plots, ()), plots.strata[1]
-    rng = np.random.default_rng(6)
-    y, x = strata.leave(rng.standard_normal((len(plots.declared), 2)), "whole-plot").T
-    place, shared = np.argsort(plots.plots_in_time), np.sqrt(strata.ratio / (strata.ratio + 1.0 / strata.total))
-    free = orthonormal(np.eye(len(y)) - strata.between @ strata.between.T, np.ones(len(y)))
-    for k, rho in enumerate(RHO):
-        covariance = np.outer(shared, shared) * rho ** np.abs(np.subtract.outer(place, place))
-        np.fill_diagonal(covariance, 1.0)
-        left = free.T @ covariance @ free
-        inverse, one, other = np.linalg.inv(left), free.T @ y, free.T @ x
-        length = other @ inverse @ other
-        rss = one @ inverse @ one - (one @ inverse @ other) ** 2 / length
-        sizes = np.linalg.slogdet(left)[1] + np.log(length / (x @ x))
-        expected = -0.5 * ((left.shape[0] - 1) * np.log(rss) + sizes)
-        assert around.of[1].likelihood(x[:, None], y)[k, 0] == pytest.approx(expected, rel=1e-9)
-        in_block = around.of[1].likelihood_of(x[:, None] / np.linalg.norm(x), y)[k]
-        assert in_block == pytest.approx(expected, rel=1e-9)
-
-
-def test_beside_what_was_found_alone_is_as_beside_all_candidates(plots):
-    level = plots.judged_at
-    chosen = (level.index("subplot"), level.index("whole-plot"))
-    few, inside = plots.among(chosen)
-    assert [few.judged_at[j] for j in inside] == ["subplot", "whole-plot"]
-    for stratum in ("subplot", "whole-plot"):
-        one, other = (beside(p, stratum, c, ()) for p, c in ((plots, chosen), (few, inside)))
-        assert one.white.outputs == pytest.approx(other.white.outputs, rel=1e-9, abs=1e-9)
-        assert one.sigma == pytest.approx(other.sigma, rel=1e-12)
-
-
 def test_a_run_of_all_its_rows_is_not_prepared_again(plots):
     assert plots.take(np.arange(len(plots.declared))) is plots
     assert len(plots.take(np.arange(1, len(plots.declared))).declared) == len(plots.declared) - 1
@@ -228,21 +195,10 @@ def test_of_names_that_explain_the_same_the_first_in_the_catalogue_is_told_first
     assert [one.effect for one in nearest(near, np.ones(4), basis)] == ["first", "second", "other"]
 
 
-def test_scores_of_one_candidate_are_those_among_all(plots):
-    j = next(j for j, c in enumerate(plots.candidates) if c.sensor is not None)
-    before = _scored(plots, (), [j])
-    for _ in range(2):  # before all are known, and after
-        now = score(plots, (), (j,))
-        for name in ("gamma", "t", "df", "p"):
-            assert getattr(now, name)[j] == pytest.approx(getattr(before, name)[j], rel=1e-9), name
-        score(plots, ())
-    score(plots, ()).p[:] = -1.0
-    assert np.all(score(plots, ()).p >= 0.0), "who asks may write on them"
-
-
 def test_fits_and_designs_of_a_run_in_whole_plots_are_made_once(plots):
     j = next(j for j, c in enumerate(plots.candidates) if c.sensor is not None)
-    assert estimate_plots(plots, (j,)) is estimate_plots(plots, (j,))
+    judge = WholePlotJudge.of(plots)
+    assert estimate_plots(judge, (j,)) is estimate_plots(judge, (j,))
     none = np.empty((len(plots.declared), 0))
     assert design_of(plots, none, ()) is design_of(plots, none.copy(), ())
     assert len(plots.designs) == 2, "of the transducer with the effect, and of the other"

@@ -18,7 +18,7 @@ from rig.procedures.general.trace import trace_general
 from rig.procedures.general.trace.parts import in_parts
 from rig.procedures.general.trace.run import problem_of
 from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
-from rig.procedures.pressure.trace import null, trace_whole_plots
+from rig.procedures.pressure.trace import trace_whole_plots
 from rig.procedures.tables.table import Table
 
 ONE = "bridge_1_mV"
@@ -27,7 +27,6 @@ ONE = "bridge_1_mV"
 @pytest.fixture(autouse=True)
 def _few_draws(monkeypatch):
     monkeypatch.setattr(family, "MOST", 500)
-    monkeypatch.setattr(null, "DRAWS", null.DRAWS // 4)
 
 
 def read_by_three(seed, adds, n=120):

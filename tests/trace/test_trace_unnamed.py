@@ -25,7 +25,7 @@ from rig.procedures.present.effects_shown import picture
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.evaluate import WholePlotTraced
 from rig.procedures.pressure.fitted import Declared
-from rig.procedures.pressure.trace import null, trace_whole_plots
+from rig.procedures.pressure.trace import trace_whole_plots
 from rig.procedures.pressure.trace.drawn import axes_of as pressure_axes
 from rig.procedures.pressure.trace.places import places_of as pressure_places
 from rig.procedures.pressure.trace.run import scene_of
@@ -38,7 +38,6 @@ ONE = "bridge_1_mV"
 @pytest.fixture(autouse=True)
 def _few_draws(monkeypatch):
     monkeypatch.setattr(family, "MOST", 500)
-    monkeypatch.setattr(null, "DRAWS", null.DRAWS // 4)
 
 
 def resonance(data):

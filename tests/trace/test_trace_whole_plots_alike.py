@@ -8,14 +8,13 @@ from types import SimpleNamespace
 import pytest
 
 from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Transducer, simulate
-from rig.procedures.pressure.trace import null, trace_whole_plots
+from rig.procedures.pressure.trace import trace_whole_plots
 from rig.procedures.pressure.trace.reasons import of_alias
 
 
 @pytest.mark.parametrize("seed", [1, 3])
-def test_steps_of_two_transducers_at_once_are_doubtful_whatever_steps(seed, monkeypatch):
+def test_steps_of_two_transducers_at_once_are_doubtful_whatever_steps(seed):
     """The line was opened half way through: one shows its sensitivity, the other its offset, and both had no doubt."""
-    monkeypatch.setattr(null, "DRAWS", null.DRAWS // 4)
     data = simulate(Bench((Transducer(), Transducer(sensitivity=1.9))), seed=seed)
     late, share = data.whole_plot_index >= data.whole_plot_index.max() // 2, data.pressure_psia / 100.0
     one, other = data.outputs

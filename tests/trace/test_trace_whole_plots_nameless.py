@@ -8,24 +8,17 @@ import pytest
 from proving.truth.whole_plot import SUBPLOT, WHOLE_PLOT, Bench, Run, Transducer, simulate
 from proving.truth.whole_plot_hidden import hide
 from rig.fitter.trace.among_alike import Shape
-from rig.fitter.trace.chance import ALPHA
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.fit import named_formula
-from rig.procedures.pressure.trace import null, trace_whole_plots
+from rig.procedures.pressure.trace import trace_whole_plots
 from rig.procedures.pressure.trace.courses import Course, courses
-from rig.procedures.pressure.trace.null import family_of
+from rig.procedures.pressure.trace.posed import white_of
 from rig.procedures.pressure.trace.problem import pose
 from rig.procedures.pressure.trace.run import scene_of
-from rig.procedures.pressure.trace.score import score
 
 ONE = "bridge_1_mV"
 SEEDS = (9101, 9104, 9106, 9107)
 TWO = Bench((Transducer(), Transducer(sensitivity=1.9)))
-
-
-@pytest.fixture(autouse=True)
-def _few_draws(monkeypatch):
-    monkeypatch.setattr(null, "DRAWS", null.DRAWS // 4)
 
 
 def without(*names):
@@ -83,25 +76,6 @@ def test_a_dead_band_is_no_transpiration(seed):
     assert names
 
 
-@pytest.mark.parametrize(("rho", "most"), [(0.5, 8), (0.7, 13)])
-def test_whole_plots_that_are_like_their_neighbours_are_no_drift(rho, most):
-    """Of 100 runs without any effect; taken as independent 9 and 25 of them had one."""
-    data = simulate(Bench(), Run(interrupted=True), seed=33)
-    names, columns = named_formula("full").columns(data.table)
-    problem = replace(pose(data, names, columns, scene_of(data), PRESSURE_CATALOGUE), ratio=np.array([10.0]))
-    family, rng, false = family_of(problem, seed=1), np.random.default_rng(33), 0
-    begun = np.array([data.order[problem.whole_plot == w].min() for w in range(20)])
-    for _ in range(100):
-        error = rng.standard_normal(20)
-        for k in range(1, 20):
-            error[k] = rho * error[k - 1] + np.sqrt(1.0 - rho**2) * error[k]
-        of_plot = error[np.argsort(np.argsort(begun))]
-        noise = SUBPLOT * rng.standard_normal(len(data)) + WHOLE_PLOT * of_plot[problem.whole_plot]
-        scores = score(replace(problem, outputs=noise[None]), (), problem.within("whole-plot").tolist())
-        false += bool(np.any(family.adjust(scores.p) <= ALPHA))
-    assert false <= most
-
-
 def test_a_second_name_of_the_same_shape_is_doubtful():
     """The line's law is not exactly that of the catalogue: what it lacks there gets no name without a mark."""
     trace = trace_whole_plots(hide(["transpiration"], [2.0], seed=100, transducers=1).data, validate=False).sensors[ONE]
@@ -135,7 +109,8 @@ def test_what_whole_plots_remember_in_a_way_of_no_catalogue_is_said(seed):
     traces = trace_whole_plots(of_plots(data, np.abs(steps_before(data))), validate=False).sensors
     said = [one.where for trace in traces.values() for one in trace.unnamed]
     assert all("after the step of the transducer's temperature before" in where for where in said)
-    assert {trace.verdict for trace in traces.values()} == {"unexplained"}
+    assert all(trace.verdict in ("unexplained", "partly explained") for trace in traces.values())
+    assert all(effect.doubtful for trace in traces.values() for effect in effects_in(trace))
     assert len(said) == 2
 
 
@@ -165,7 +140,8 @@ def test_shapes_between_whole_plots_are_rare_by_chance(rho):
         for k in range(1, 20):
             error[k] = rho * error[k - 1] + np.sqrt(1.0 - rho**2) * error[k]
         noise = SUBPLOT * rng.standard_normal(len(data)) + WHOLE_PLOT * error[problem.whole_plot]
-        found = courses(replace(problem, outputs=noise[None]), scene, ())
+        white = white_of(replace(problem, outputs=noise[None]), np.array([[(WHOLE_PLOT / SUBPLOT) ** 2, 0.0, 0.0]]))
+        found = courses(white.view("whole-plot", ()), problem.plots_in_time, scene)
         false += any(not course.slow for course in found.values())
     assert false <= 3
 

@@ -156,13 +156,17 @@ class Components:
         weight = np.stack([offset * (1.0 + slope * ss), -offset * slope * zs, slope * (1.0 + offset * zz)], axis=1)
         return determinant, weight / determinant[:, None]
 
+    @property
+    def prices(self) -> FloatArray:
+        """(G,) of slopes and of memory, as they are in `log_det`."""
+        return np.asarray(2.0 * PRICE * np.sum(self.grid[:, 1:] > 0.0, axis=1))
+
     @cached_property
     def log_det(self) -> FloatArray:
         """See `Noise`; with the prices of its components."""
-        prices = 2.0 * PRICE * np.sum(self.grid[:, 1:] > 0.0, axis=1)
         followers = int(np.count_nonzero(self.before != np.arange(len(self.group))))
         of_rows = followers * np.log1p(-(self.grid[:, 2] ** 2))
-        return np.asarray(prices + of_rows + np.sum(np.log(self._determinants[0]), axis=1))
+        return np.asarray(self.prices + of_rows + np.sum(np.log(self._determinants[0]), axis=1))
 
     def white(self, which: IntArray, columns: FloatArray) -> White:
         """See `Noise`."""

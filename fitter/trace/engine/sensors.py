@@ -215,6 +215,16 @@ class RunJudge:
         """Those of some candidates that sensor `i` has, by their number there."""
         return tuple(self._at[j][1] for j in chosen if j in self._at and self._at[j][0] == i)
 
+    def likeliest(self, chosen: Sequence[int]) -> FloatArray:
+        """(S, 3) the likeliest components of each sensor's error beside those `chosen`."""
+        if self.together is not None and self._common(chosen):
+            noise = self.together.problem.noise.only(self.together.beside(tuple(chosen)).best)
+            parts = noise.parts if isinstance(noise, Stacked) else (noise,)
+        else:
+            each = ((judge, judge.beside(self.mine(i, chosen)).best) for i, judge in enumerate(self.alone))
+            parts = tuple(judge.problem.noise.only(at) for judge, at in each)
+        return np.array([one.grid[0] for one in parts if isinstance(one, Components)])
+
     def rows(self, kept: IntArray, chosen: Iterable[int]) -> RunJudge:
         """The same for some of the rows of each sensor, under the likeliest covariance beside those `chosen`."""
         chosen = tuple(chosen)

@@ -14,12 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rig.fitter.arrays import IntArray
-from rig.fitter.trace.aliases import DELTA, Products, Rival
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.aliases import DELTA, Rival
 from rig.fitter.trace.search import names_of, prune, search_and_name
-from rig.fitter.trace.whitened import Whitened
 from rig.procedures.pressure.trace.judge import WholePlotJudge
 from rig.procedures.pressure.trace.problem import Problem
-from rig.procedures.pressure.trace.score import beside
 
 SAME = 1e-3
 """Sine of the angle between two columns below which they are the same: an excitation's output times time is pressure
@@ -91,7 +90,7 @@ def ways_of(judge: WholePlotJudge, chosen: tuple[int, ...], name: str) -> Ways |
     own = tuple(j for j in every if j in kept)
     if not own:
         return None
-    products = _products(judge.problem, line[0], rest, every)
+    products = judge.products((*rest, *every), rest)
     behind = products.price(own) - products.price((*line, *corrections))
     return Ways(line, corrections, own, rest, behind)
 
@@ -132,7 +131,7 @@ def _corrected(judge: WholePlotJudge, chosen: tuple[int, ...], own: Rival, rival
         rest = tuple(j for j in chosen if j not in mine)
         if len(mine) < len(judge.problem.sensors):
             continue
-        products = _products(judge.problem, line[0], rest, every)
+        products = judge.products((*rest, *every), rest)
         terms, price = line, products.price(line)
         while _few(len(terms) - len(line) + 1, judge.problem):
             left = [j for j in mine if j not in terms]
@@ -183,17 +182,11 @@ def _counterparts(problem: Problem, of: list[int] | tuple[int, ...]) -> tuple[tu
 
 def _alike(problem: Problem, j: int) -> IntArray:
     """Candidates of one transducer with the same column as `j`, beside the declared model."""
-    level, same = problem.judged_at[j], np.zeros(len(problem.candidates), np.bool_)
-    for columns, own in zip(problem.at[level].columns, problem.own, strict=True):
-        mine = problem.within(level, own)
-        lengths = np.linalg.norm(columns[:, j]) * np.linalg.norm(columns[:, mine], axis=0)
-        same[mine] = np.abs(columns[:, j] @ columns[:, mine]) > (1.0 - SAME**2 / 2) * lengths
+    same, basis = np.zeros(len(problem.candidates), np.bool_), orthonormal(problem.model)
+    for raw, sensor in zip(problem.raw, problem.sensors, strict=True):
+        mine = [k for k, one in enumerate(problem.candidates) if one.sensor == sensor]
+        own = raw[:, [j, *mine]]
+        own = own - basis @ (basis.T @ own)
+        lengths = np.linalg.norm(own, axis=0)
+        same[mine] = np.abs(own[:, 0] @ own[:, 1:]) > (1.0 - SAME**2 / 2) * lengths[0] * lengths[1:]
     return np.flatnonzero(same)
-
-
-def _products(problem: Problem, j: int, rest: tuple[int, ...], every: tuple[int, ...]) -> Products:
-    """Statistics of all candidates beside the `rest` in the stratum of `j`, with the error of separate candidates."""
-    level = problem.judged_at[j]
-    stratum, error = beside(problem, level, rest), beside(problem, level, (*rest, *every), ()).sigma
-    scale = (stratum.sigma / error)[:, None]
-    return Products.of(Whitened(stratum.white.outputs * scale, stratum.white.columns * scale[:, :, None]))

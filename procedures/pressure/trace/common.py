@@ -8,8 +8,8 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.engine.beside import View
 from rig.procedures.pressure.trace.problem import Problem
-from rig.procedures.pressure.trace.score import beside
 
 LEAST_DF = 4
 """Degrees of freedom of a correlation, at least."""
@@ -31,7 +31,7 @@ class Common:
     p: float
 
 
-def common_error(problem: Problem, chosen: tuple[int, ...], i: int) -> Common | None:
+def common_error(problem: Problem, view: View, i: int) -> Common | None:
     """What transducer `i` has in common with another one; None where there is none to ask.
 
     Neighbours in time that are alike make two courses correlate by chance; their degrees of freedom are fewer
@@ -39,13 +39,12 @@ def common_error(problem: Problem, chosen: tuple[int, ...], i: int) -> Common | 
 
     Args:
         problem: the run.
-        chosen: candidates in the model.
+        view: its whole plots beside the model.
         i: the transducer.
     """
-    stratum = beside(problem, "whole-plot", chosen, ())
-    errors, found = stratum.white.outputs[:, problem.plots_in_time], list[Common]()
+    errors, found = view.outputs[:, problem.plots_in_time], list[Common]()
     for k, other in enumerate(problem.sensors):
-        df = float(min(stratum.df[i], stratum.df[k]))
+        df = float(min(view.df[i], view.df[k]))
         square = float(errors[i] @ errors[i]) * float(errors[k] @ errors[k])
         if k == i or df < LEAST_DF or square <= 0.0:
             continue

@@ -13,8 +13,7 @@ from rig.fitter.trace.doubts import CHANGES, not_constant, one_that_changes
 from rig.fitter.trace.exchange import stands_in
 from rig.fitter.trace.flexible import Block, remainders, waves
 from rig.procedures.pressure.effects.scene import PressureScene
-from rig.procedures.pressure.trace.estimate import coefficients_of
-from rig.procedures.pressure.trace.unmodelled import LOOKED_AT, UnmodelledSmooth, View
+from rig.procedures.pressure.trace.unmodelled import LOOKED_AT, UnmodelledSmooth
 
 OF_PLOTS = ("with the transducer's temperature", "with the electronics' temperature", "along the run")
 """Variables of whole plots: a coefficient that changes with them looks like a sensitivity that each plot draws anew."""
@@ -67,7 +66,7 @@ class Constant:
             for name, other in permutations(self._names([i]), 2):
                 theirs = self._mine(other, i)
                 rest = tuple(j for j in self.unmodelled.chosen if j not in theirs)
-                view = View(problem, "subplot", rest, sigma)
+                view = self.unmodelled.white.view("subplot", rest, sigma)
                 own, blocks = view.of(theirs, [i]), self._blocks(name, i)
                 over = stands_in(view.outputs[i], own, blocks, partial(view.project, i=i), 1.0)
                 if over is not None:
@@ -92,7 +91,7 @@ class Constant:
 
     @cached_property
     def _values(self) -> dict[int, float]:
-        found = coefficients_of(self.unmodelled.problem, self.unmodelled.chosen)
+        found = self.unmodelled.white.coefficients(self.unmodelled.chosen)
         return {j: one.value for j, one in found.items()}
 
     @cached_property

@@ -13,15 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.among_alike import Alike, Shape, Shapes
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.among_alike import Shape, Shapes
 from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.engine.beside import View
 from rig.fitter.trace.flexible import waves
 from rig.fitter.trace.found import Unnamed
 from rig.procedures.pressure.effects.scene import PressureScene
-from rig.procedures.pressure.trace.neighbours import PRIOR, RHO, neighbours
-from rig.procedures.pressure.trace.problem import Problem
-from rig.procedures.pressure.trace.score import beside
+from rig.procedures.pressure.trace.between import RHO, alike
 
 LEVEL = 0.015
 """Of false alarms, over all transducers and places; a finding about the noise has the level of all of these."""
@@ -65,19 +64,21 @@ class Course:
         return Unnamed(f"{where}{', in all transducers alike' if self.common else ''}", self.shape.share)
 
 
-def courses(problem: Problem, scene: PressureScene, chosen: tuple[int, ...]) -> dict[int, Course]:
-    """What whole plots follow beside the `chosen` candidates, by the index of the transducer."""
-    outputs = beside(problem, "whole-plot", chosen, ()).white.outputs
-    count, around = len(problem.sensors), neighbours(problem, chosen)
+def courses(view: View, in_time: IntArray, scene: PressureScene) -> dict[int, Course]:
+    """What whole plots follow beside the model, by the index of the transducer.
+
+    Args:
+        view: whole plots beside the model.
+        in_time: (W,) these in the order of running.
+        scene: of the same rows.
+    """
+    outputs, count = view.outputs, len(view.outputs)
     words, columns = zip(*_places(scene), strict=True)
     found: dict[int, Course] = {}
 
     def shapes_of(i: int) -> Shapes:
-        made = [problem.strata[i].leave(of, "whole-plot") / np.median(problem.strata[i].precision) for of in columns]
-        one = around.of[i]
-        each = zip(one.white, one.log_determinant, np.linalg.cholesky(one.covariance), np.log(PRIOR), strict=True)
-        alike = tuple(Alike(white, float(log), root, float(prior)) for white, log, root, prior in each)
-        return Shapes(alike, tuple(made))
+        size = view.sigma[i] / np.median(view.white.errors[i].length)
+        return Shapes(alike(view, in_time, i), tuple(view.project(of, i) * size for of in columns))
 
     def clearest(i: int, series: FloatArray, times: int) -> Shape | None:
         one = shapes_of(i).clearest(series, AT, SEED)

@@ -9,6 +9,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.doubts import DOUBT
+from rig.fitter.trace.engine.beside import Level
 from rig.fitter.trace.flexible import Block, turns, waves
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import Line, folded
@@ -16,7 +17,6 @@ from rig.fitter.trace.outcome import Instead
 from rig.fitter.trace.shape import Axis, Name, ResidualAndWaves, Shape, shape_of, standing_for
 from rig.procedures.pressure.effects.scene import PressureScene
 from rig.procedures.pressure.trace.places import Place
-from rig.procedures.pressure.trace.strata import Level
 from rig.procedures.pressure.trace.unmodelled import ResidualShape, UnmodelledSmooth
 
 UNIT = "mV"
@@ -68,10 +68,10 @@ def _drawn(
 ) -> Shape | None:
     if axes is None:
         return None
-    problem, view = unmodelled.problem, unmodelled.view(place.level)
+    view = unmodelled.view(place.level)
     y, columns = view.outputs[i], view.project(place.block.columns, i)
-    weight = np.sqrt(problem.weight[i]) if place.level == "subplot" else problem.strata[i].precision
-    scale = view.sigma[i] / weight
+    errors = view.white.errors[i]
+    scale = view.sigma[i] * (errors.sd if place.level == "subplot" else 1.0 / errors.length)
     over, beside = (None if one is None else _at(one, unmodelled, place.level) for one in axes)
     if over is None:
         return None
@@ -90,17 +90,16 @@ def _at(axis: Axis, unmodelled: UnmodelledSmooth, level: Level) -> Axis:
 def _names(unmodelled: UnmodelledSmooth, level: Level, i: int) -> Iterator[Name]:
     """Every cause that is judged in the stratum, beside what was found; each value of a constant by itself."""
     problem, view, sensor = unmodelled.problem, unmodelled.view(level), unmodelled.problem.sensors[i]
-    length = problem.length_at[level][i] / view.sigma[i]
     every = [
         j
-        for j in problem.within(level)
+        for j in problem.within(level, range(len(problem.candidates)))
         if j not in unmodelled.chosen
         and problem.candidates[j].sensor in (None, sensor)
         and not problem.candidates[j].effect.of_noise
     ]
-    columns = view.of(every, [i])
+    columns, length = view.of(every, [i]), view.length(problem.raw[i][:, every], i)
     for k, j in enumerate(every):
-        yield problem.candidates[j].effect.name, columns[:, [k]], length[[j]]
+        yield problem.candidates[j].effect.name, columns[:, [k]], length[[k]]
 
 
 def axes_of(scene: PressureScene, place: str) -> tuple[Axis, Axis | None] | None:

@@ -8,27 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.quantiles import t_limit
 from rig.fitter.split_plot import SplitPlotDesign, SplitPlotFit
+from rig.fitter.trace.engine.beside import Coefficient, Level
 from rig.fitter.trace.keep import LeftIn, left_in, taken_out
 from rig.procedures.pressure.trace.judge import WholePlotJudge
 from rig.procedures.pressure.trace.problem import Problem
-from rig.procedures.pressure.trace.score import score
-from rig.procedures.pressure.trace.strata import Level
-
-
-@dataclass(frozen=True)
-class Coefficient:
-    """Estimate of one candidate beside the others, from its stratum, in its own unit."""
-
-    value: float
-    stderr: float
-    df: float
-
-    @property
-    def half_width_95(self) -> float:
-        """Half-width of its 95 % interval."""
-        return t_limit(0.95, self.df) * self.stderr
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,22 +48,24 @@ class Estimate:
 
 
 def estimate(
-    problem: Problem, chosen: tuple[int, ...], outside: Sequence[LeftIn] = (), within: Sequence[LeftIn] = ()
+    judge: WholePlotJudge, chosen: tuple[int, ...], outside: Sequence[LeftIn] = (), within: Sequence[LeftIn] = ()
 ) -> Estimate:
     """Fit the `chosen` candidates and the declared model; those `outside` are left in. Known fits are used again."""
-    if any(outside) or any(within):
-        return _estimate(problem, chosen, outside, within)
-    known = problem.estimates
-    if chosen not in known:
-        known[chosen] = _estimate(problem, chosen, outside, within)
-    found: Estimate = known[chosen]
+    key = chosen, tuple(outside), tuple(within)
+    if key not in judge.estimates:
+        judge.estimates[key] = estimated(judge.problem, judge.coefficients(chosen), outside, within)
+    found: Estimate = judge.estimates[key]
     return found
 
 
-def _estimate(
-    problem: Problem, chosen: tuple[int, ...], outside: Sequence[LeftIn], within: Sequence[LeftIn]
+def estimated(
+    problem: Problem,
+    coefficients: Mapping[int, Coefficient],
+    outside: Sequence[LeftIn] = (),
+    within: Sequence[LeftIn] = (),
 ) -> Estimate:
-    coefficients = coefficients_of(problem, chosen)
+    """The same with known coefficients of the candidates."""
+    chosen = tuple(coefficients)
     contribution = contributed(problem, coefficients, taken=taken_out(chosen, outside, len(problem.sensors)))
     fits, residual = [], np.empty_like(problem.outputs)
     plain = design_of(problem, np.empty((len(problem.declared), 0)), ())
@@ -128,16 +114,6 @@ def residual_of(problem: Problem, fitted: Estimate) -> FloatArray:
     return np.asarray(left - fitted.declared @ problem.declared.T)
 
 
-def coefficients_of(problem: Problem, chosen: tuple[int, ...]) -> dict[int, Coefficient]:
-    """Coefficients of the `chosen` candidates, each beside all others, with the error of its test."""
-    found = {}
-    for j in chosen:
-        scores = score(problem, tuple(k for k in chosen if k != j), (j,))
-        gamma, t = float(scores.gamma[j]), float(scores.t[j])
-        found[j] = Coefficient(gamma, abs(gamma / t) if t else 0.0, float(scores.df[j]))
-    return found
-
-
 def _whole_plot_means(problem: Problem, columns: FloatArray) -> FloatArray:
     """(n, m) mean of each column over the whole plot of each row."""
     design = np.zeros((int(problem.whole_plot.max()) + 1, columns.shape[1]))
@@ -158,9 +134,9 @@ def never_above(judge: WholePlotJudge, before: Estimate, after: Estimate) -> Est
         return after
     plots = tuple(j for j in found if problem.judged_at[j] == "subplot" and not problem.candidates[j].effect.of_noise)
     error = stated(before)
-    within = left_in(judge, plots, problem.sensors, error, lambda one: stated(estimate(problem, found, within=one)))
-    inside = left_in(judge, found, problem.sensors, error, lambda one: stated(estimate(problem, found, one, within)))
-    return estimate(problem, found, inside, within)
+    within = left_in(judge, plots, problem.sensors, error, lambda one: stated(estimate(judge, found, within=one)))
+    inside = left_in(judge, found, problem.sensors, error, lambda one: stated(estimate(judge, found, one, within)))
+    return estimate(judge, found, inside, within)
 
 
 def stated(fitted: Estimate) -> FloatArray:

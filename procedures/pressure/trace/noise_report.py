@@ -13,10 +13,11 @@ from rig.fitter.trace.chance import ALPHA, COUNTED
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.effects import GROWING_NOISE
 from rig.procedures.pressure.trace.common import common_error
-from rig.procedures.pressure.trace.estimate import Estimate, estimate
+from rig.procedures.pressure.trace.estimate import Estimate, estimated
+from rig.procedures.pressure.trace.posed import white_of
 from rig.procedures.pressure.trace.problem import Problem
 from rig.procedures.pressure.trace.result import FoundPressureEffect
-from rig.procedures.pressure.trace.settle import Look
+from rig.procedures.pressure.trace.settle import Settled
 
 FROM_MIDDLE = "readings scatter more the further the pressure is from the middle of its range"
 STANDS_OUT_HERE = 0.05
@@ -24,7 +25,7 @@ STANDS_OUT_HERE = 0.05
 
 
 def noise_findings(
-    data: WholePlotData, whole: Problem, after: Estimate, look: Look, sensitivity: float, i: int
+    data: WholePlotData, whole: Problem, after: Estimate, settled: Settled, sensitivity: float, i: int
 ) -> list[FoundPressureEffect]:
     """Findings of stratum "noise" about transducer `i`.
 
@@ -32,11 +33,11 @@ def noise_findings(
         data: the whole run.
         whole: the same, prepared.
         after: model and effects, fitted without the outliers.
-        look: the noise with the effects.
+        settled: the search, and the noise with the effects.
         sensitivity: mV/psi.
         i: the transducer.
     """
-    about = _About(data, whole, after, look, sensitivity, i)
+    about = _About(data, whole, after, settled, sensitivity, i)
     found = (about.growing(), about.remembered(), about.common(), about.outliers())
     return [finding for finding in found if finding is not None]
 
@@ -46,18 +47,19 @@ class _About:
     data: WholePlotData
     whole: Problem
     after: Estimate
-    look: Look
+    settled: Settled
     sensitivity: float
     i: int
 
     def growing(self) -> FoundPressureEffect | None:
         """Coefficients of sd = a + b P."""
-        if not self.look.grows[self.i]:
+        look = self.settled.look
+        if not look.grows[self.i]:
             return None
-        noise, p = self.look.noise[self.i], self.data.pressure_psia
+        noise, p = look.noise[self.i], self.data.pressure_psia
         middle = noise.middle
         low, high = noise.sd(np.array([p.min() if middle is None else middle, p.max()])).tolist()
-        df = float(self.look.problem.at["subplot"].df[self.i])
+        df = float(np.sum(look.problem.left_within((), self.i)[1]))
         found = self._of_noise(
             effect=GROWING_NOISE.name,
             cause=GROWING_NOISE.cause if middle is None else FROM_MIDDLE,
@@ -76,7 +78,7 @@ class _About:
 
     def remembered(self) -> FoundPressureEffect | None:
         """Correlation of successive readings, if it is significant."""
-        memory = self.look.memory[self.i]
+        memory = self.settled.memory[self.i]
         if memory.p * len(self.whole.sensors) / COUNTED > ALPHA:
             return None
         return self._of_noise(
@@ -95,7 +97,8 @@ class _About:
 
     def common(self) -> FoundPressureEffect | None:
         """Errors of whole plots that are those of another transducer too, if they are significant."""
-        found = common_error(self.look.problem, self.after.chosen, self.i)
+        judge, chosen = self.settled.judge, self.after.chosen
+        found = common_error(judge.problem, judge.white(chosen).view("whole-plot", chosen), self.i)
         if found is None or found.p * len(self.whole.sensors) / COUNTED > ALPHA:
             return None
         sd = float(self.after.fits[self.i].sigma_wholeplot)
@@ -117,7 +120,7 @@ class _About:
 
     def outliers(self) -> FoundPressureEffect | None:
         """Outliers, and their influence on the fit."""
-        aside = self.look.aside
+        aside = self.settled.look.aside
         own = np.flatnonzero(aside.p[self.i] < STANDS_OUT_HERE)
         if not own.size:
             return None
@@ -140,9 +143,11 @@ class _About:
 
     def _moved(self, rows: IntArray) -> float:
         """Changes of the declared model's coefficients by `rows` of the whole run, in their standard errors."""
-        others = np.setdiff1d(self.look.aside.rows, rows)
+        others = np.setdiff1d(self.settled.look.aside.rows, rows)
         with_them = self.whole.take(np.setdiff1d(np.arange(len(self.data)), others))
-        one, other = (e.fits[self.i] for e in (self.after, estimate(with_them, self.after.chosen)))
+        judge, chosen = self.settled.judge, self.after.chosen
+        found = white_of(with_them, judge.engine.likeliest(chosen)).coefficients(chosen)
+        one, other = (e.fits[self.i] for e in (self.after, estimated(with_them, found)))
         return float(np.max(np.abs(one.coefficients - other.coefficients) / one.stderr))
 
     def _of_noise(self, *, p: float, peak_mV: float, **about: object) -> FoundPressureEffect:

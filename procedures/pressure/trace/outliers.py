@@ -15,7 +15,6 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.resolution import resolution, robust_sd
 from rig.fitter.trace.limits import limit
 from rig.procedures.pressure.trace.problem import Problem
-from rig.procedures.pressure.trace.score import beside
 
 BY_CHANCE = limit("outlier", "whole-plot")
 """Probability that a reading of a clean run is named, for normal errors."""
@@ -46,26 +45,25 @@ class Outliers:
 
 def outliers(problem: Problem, chosen: tuple[int, ...]) -> Outliers:
     """The outliers beside the `chosen` candidates, with deviations after removal of the others."""
-    count, n = len(problem.sensors), problem.outputs.shape[1]
+    count, n = problem.outputs.shape
     kept = np.arange(n)
-    steps = np.array([resolution(output) for output in problem.outputs])
+    steps = [resolution(output) for output in problem.outputs]
     found: dict[int, tuple[FloatArray, FloatArray]] = {}
     while len(found) <= FEW * n:
         part = problem.take(kept)
-        stratum = beside(part, "subplot", chosen, ())
-        share = np.stack([strata.kept for strata in part.strata])
-        whole = np.sqrt(np.maximum(share, LONE))
-        alone = np.where(share > LONE, stratum.white.outputs / whole, 0.0)
-        rounded = steps[:, None] * np.sqrt(part.weight) / (stratum.sigma[:, None] * whole)
-        scale = np.array([robust_sd(one, step, INSIDE) for one, step in zip(alone, rounded, strict=True)])
-        sd = alone / np.maximum(scale, np.finfo(float).tiny)[:, None]
-        p = 2.0 * special.stdtr(np.maximum(stratum.df, 1.0)[:, None], -np.abs(sd)) * n * count
+        alone, scale, df, off = (np.empty((count, *of)) for of in ((kept.size,), (), (), (kept.size,)))
+        for i, step in enumerate(steps):
+            left, share = part.left_within(chosen, i)
+            whole = np.sqrt(np.maximum(share, LONE))
+            alone[i] = np.where(share > LONE, left / part.sd[i] / whole, 0.0)
+            scale[i] = max(robust_sd(alone[i], step / (part.sd[i] * whole), INSIDE), np.finfo(float).tiny)
+            df[i], off[i] = float(np.sum(share)), left / np.maximum(share, LONE)
+        sd = alone / scale[:, None]
+        p = 2.0 * special.stdtr(np.maximum(df, 1.0)[:, None], -np.abs(sd)) * n * count
         worst = np.max(np.abs(sd), axis=0)
         over = np.flatnonzero(np.any(p < BY_CHANCE, axis=0))
         if not over.size:
             break
-        # a residual over its share of variance is the deviation of the reading from the prediction by all others
-        off = alone * stratum.sigma[:, None] / np.sqrt(part.weight) / whole
         for plot in np.unique(part.whole_plot[over]):
             mine = over[part.whole_plot[over] == plot]
             row = int(mine[np.argmax(worst[mine])])
@@ -74,6 +72,5 @@ def outliers(problem: Problem, chosen: tuple[int, ...]) -> Outliers:
     if not found or len(found) > max(FEW * n, 1.0):
         return Outliers(np.zeros(0, np.int64), *(np.zeros((count, 0)) for _ in range(3)))
     rows = sorted(found)
-    ordinary = (scale * stratum.sigma)[:, None] / np.sqrt(problem.weight[:, rows])
     off, p = (np.column_stack([found[row][k] for row in rows]) for k in range(2))
-    return Outliers(np.array(rows, np.int64), off / ordinary, off, p)
+    return Outliers(np.array(rows, np.int64), off / (scale[:, None] * problem.sd[:, rows]), off, p)

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.engine.beside import Level
 from rig.fitter.trace.flexible import Block, orders_of, waves
 from rig.fitter.trace.latches import latches
 from rig.procedures.pressure.effects.scene import PressureScene
-from rig.procedures.pressure.trace.strata import Level
 
 PRESSURE, TEMPERATURE, TIME = 10, 5, 8
 """Maximum number of waves over each."""

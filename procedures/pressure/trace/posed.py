@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.trace.chance import ALPHA
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.engine.beside import Errors, White
 from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.family import TableFamily
 from rig.fitter.trace.engine.judge import TableJudge
@@ -20,58 +20,18 @@ from rig.fitter.trace.engine.score import ranked
 from rig.fitter.trace.engine.sensors import OfSensor, RunJudge, Stacked, Together
 from rig.fitter.trace.engine.shared import scale_of
 from rig.fitter.trace.engine.term import Profile, TableTerm
-from rig.procedures.pressure.trace.judge import WholePlotJudge
-from rig.procedures.pressure.trace.null import Families, shares
 from rig.procedures.pressure.trace.problem import Problem
-from rig.procedures.pressure.trace.score import Scores
 
 NEAR = 6.0
 """Log-likelihood by which a covariance may be behind the best beside the model, or beside one of `TRIED` candidates."""
 TRIED = 10
 
 
-@dataclass(frozen=True, eq=False)
-class PosedJudge(WholePlotJudge):
-    """The same judge with the search of the engine: every candidate beside the error estimated with it."""
-
-    engine: RunJudge
-
-    def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
-        """The most evident candidate beside those `chosen`, among the significant ones."""
-        return self.engine.best(chosen)
-
-    def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
-        """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
-        return self.engine.p_adjusted(chosen, j)
-
-    def is_bound(self, p: float, terms: Sequence[int]) -> bool:
-        """Whether no simulated run had such a score."""
-        return self.engine.is_bound(p)
-
-    def unsigned(self, chosen: tuple[int, ...], scores: Scores) -> Sequence[int]:
-        """Those of a wrong sign that are significant beside those `chosen`, the clearest of each effect and sensor."""
-        clearest: dict[tuple[str, str | None], int] = {}
-        for j in sorted(np.flatnonzero(self.wrong(scores)).tolist(), key=lambda j: -abs(float(scores.t[j]))):
-            clearest.setdefault((self.candidates[j].effect.name, self.candidates[j].sensor), j)
-        return [j for j in clearest.values() if self.engine.p_unsigned(chosen, j) <= ALPHA]
-
-    def rows(self, rest: Problem, kept: IntArray, chosen: Iterable[int]) -> PosedJudge:
-        """The same for some of the rows."""
-        return replace(self, problem=rest, engine=self.engine.rows(kept, chosen))
-
-
-def judged(run: Problem, pressure_psia: FloatArray, known: WholePlotJudge | None) -> PosedJudge:
-    """The judge of a run that the engine searches; see `Judging`."""
-    engine = known.engine if isinstance(known, PosedJudge) else None
-    return PosedJudge(run, Families({}, run.judged_at, shares(run)), posed(run, pressure_psia, engine))
-
-
-def posed(run: Problem, pressure_psia: FloatArray, known: RunJudge | None) -> RunJudge:
+def engine_of(run: Problem, known: RunJudge | None) -> RunJudge:
     """The run for the engine.
 
     Args:
         run: with its weights.
-        pressure_psia: (n,) over which whole plots may have slopes.
         known: the same run with other weights: its covariances and its simulations are used again. Scores are nearly
             pivotal: weights of readings hardly change how they are distributed by chance.
     """
@@ -79,20 +39,19 @@ def posed(run: Problem, pressure_psia: FloatArray, known: RunJudge | None) -> Ru
     commons = [j for j, c in enumerate(run.candidates) if c.sensor is None]
     candidates = tuple(_candidate(run, j, np.empty((0, 1))) for j in range(len(run.candidates)))
     noises = [
-        Components.of(run.whole_plot, run.order, pressure_psia, scale_of(run.whole_plot, y, run.declared))
+        Components.of(run.whole_plot, run.order, run.pressure_psia, scale_of(run.whole_plot, y, run.model))
         for y in run.outputs
     ]
     own = [
         np.array([j for j, c in enumerate(run.candidates) if c.sensor == s or (c.sensor is None and count == 1)], int)
         for s in run.sensors
     ]
-    sd = 1.0 / np.sqrt(run.weight)
-    sd /= np.exp(np.mean(np.log(sd), axis=1))[:, None]
+    sd = run.sd
     families = count + bool(commons) if count > 1 else 1
     made = [
         Blocks(
             y=run.outputs[i],
-            declared=run.declared,
+            declared=run.model,
             candidates=tuple(_candidate(run, int(j), run.raw[i][:, [j]]) for j in own[i]),
             noise=noises[i].over(sd[i]),
             sd=sd[i],
@@ -102,7 +61,7 @@ def posed(run: Problem, pressure_psia: FloatArray, known: RunJudge | None) -> Ru
         )
         for i in range(count)
     ]
-    same = known is not None and known.alone[0].problem.n == len(pressure_psia)
+    same = known is not None and known.alone[0].problem.n == len(run.declared)
     before = known if same else None
     kept = np.any([_near(one) for one in made], axis=0) if before is None else before.covariances
     noises = [noise.among(kept) for noise in noises]
@@ -134,7 +93,7 @@ def _stacked(run: Problem, alone: Sequence[TableJudge], noises: Sequence[Compone
     parts = tuple(one.stretched(float(o)) for one, o in zip(noises, offsets, strict=True))
     return Blocks(
         y=run.outputs.ravel(),
-        declared=np.asarray(np.kron(np.eye(count), run.declared), np.float64),
+        declared=np.asarray(np.kron(np.eye(count), run.model), np.float64),
         candidates=tuple(_candidate(run, j, run.raw[:, :, j].reshape(-1, 1)) for j in range(len(run.candidates))),
         noise=Stacked(parts, (run.outputs.shape[1],) * count).over(each),
         sd=each,
@@ -158,6 +117,8 @@ def _near(problem: Blocks) -> BoolArray:
     plain = judge.beside(())
     kept = plain.reml > plain.reml.max() - NEAR
     kept[0] = True
+    if not problem.candidates:
+        return np.asarray(kept)
     tried: dict[int, None] = {}
     for at in dict.fromkeys((0, plain.best)):
         worth = ranked(judge.view(at), judge.white(at, ()), ()).evidence
@@ -169,3 +130,12 @@ def _near(problem: Blocks) -> BoolArray:
         tried |= dict.fromkeys(best.values())
     reml = judge.each(list(tried))
     return np.asarray(kept | np.any(reml > reml.max(axis=0) - NEAR, axis=1))
+
+
+def white_of(run: Problem, covariances: FloatArray) -> White:
+    """The run over errors of each transducer: variances of offsets and of slopes, correlation of neighbours (S, 3)."""
+    noise = Components.of(run.whole_plot, run.order, run.pressure_psia)
+    errors = tuple(
+        Errors(replace(noise, grid=one[None]).over(sd), sd) for one, sd in zip(covariances, run.sd, strict=True)
+    )
+    return White(errors, run.model, run.outputs, run.raw)

@@ -1,11 +1,10 @@
-"""A whole-plot run prepared for the search: every candidate's column for every transducer, in both strata."""
+"""A whole-plot run prepared for the search: every candidate's column for every transducer."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,18 +12,17 @@ from numpy.typing import NDArray
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.split_plot import SplitPlotDesign
+from rig.fitter.trace.engine.beside import Level
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.not_kept import NotKept, overflows
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
-from rig.procedures.pressure.trace.strata import LEVELS, Level, Strata
 
 IS_THE_MODEL = limit("declared", "whole-plot")
 """Minimum remaining share of a column beside the declared model."""
-
-RESOLVED = 1e-12
-"""Relative size of an output's range below which differences are rounding; data without noise are not tested against
-it.
+VARIES = 0.005
+"""Maximum share of a column's variation within whole plots for a column of whole plots: temperatures are read with
+every observation, and their scatter there has no information about their effect.
 """
 
 
@@ -35,21 +33,6 @@ class Candidate:
     effect: PressureEffect
     term: PressureTerm
     sensor: str | None
-
-
-@dataclass(frozen=True, eq=False)
-class Stratum:
-    """Residuals of the declared model at one level.
-
-    Attributes:
-        outputs: (S, m), m readings or whole plots.
-        columns: (S, m, J).
-        df: (S,) degrees of freedom.
-    """
-
-    outputs: FloatArray
-    columns: FloatArray
-    df: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +49,8 @@ class Problem:
         whole_plot: (n,) index of the whole plot, from 0.
         replicate: (n,) index of the replication, from 0.
         order: (n,) executed position.
+        pressure_psia: (n,) over which whole plots may have slopes.
         weight: (S, n) of each reading, mean one: the inverse of its variance if that grows with pressure.
-        ratio: (S,) variance of the whole-plot error over that of a reading.
-        rho: (S,) correlation of a reading's error with that of the previous one in its whole plot.
         left_out: candidates that cannot be used in computation.
     """
 
@@ -81,39 +63,25 @@ class Problem:
     whole_plot: IntArray
     replicate: IntArray
     order: IntArray
+    pressure_psia: FloatArray
     weight: FloatArray
-    ratio: FloatArray
-    rho: FloatArray
     left_out: tuple[NotKept, ...] = ()
 
     @cached_property
-    def sensor_of(self) -> tuple[str | None, ...]:
-        """(J,) sensor of each candidate."""
-        return tuple(c.sensor for c in self.candidates)
-
-    @cached_property
-    def estimates(self) -> dict[tuple[int, ...], Any]:
-        """Cache of fits, by the candidates in them: `estimate`."""
-        return {}
-
-    @cached_property
     def designs(self) -> dict[tuple[tuple[str, ...], bytes], SplitPlotDesign]:
-        """Cache of their designs: `estimate.design_of`."""
+        """Cache of designs of the declared model with further columns: `estimate.design_of`."""
         return {}
 
     @cached_property
-    def strata(self) -> tuple[Strata, ...]:
-        """Projections of each transducer; shared for equal weights."""
-        made: list[Strata] = []
-        for weight, ratio, rho in zip(self.weight, self.ratio, self.rho, strict=True):
-            same = (s for s in made if np.array_equal(s.weight, weight) and (s.ratio, s.rho) == (ratio, rho))
-            made.append(next(same, None) or self.stratified(weight, float(ratio), float(rho)))
-        return tuple(made)
+    def sd(self) -> FloatArray:
+        """(S, n) standard deviation of each reading over the usual one."""
+        sd = 1.0 / np.sqrt(self.weight)
+        return np.asarray(sd / np.exp(np.mean(np.log(sd), axis=1))[:, None])
 
     @cached_property
-    def members(self) -> FloatArray:
-        """(W, n) one where a reading is of a whole plot, else zero."""
-        return np.asarray(np.arange(int(self.whole_plot.max()) + 1)[:, None] == self.whole_plot, np.float64)
+    def model(self) -> FloatArray:
+        """(n, k + r) declared model, with an offset of each replication after the first."""
+        return np.hstack([self.declared, np.eye(int(self.replicate.max()) + 1)[self.replicate][:, 1:]])
 
     @cached_property
     def plots_in_time(self) -> IntArray:
@@ -122,101 +90,27 @@ class Problem:
         np.minimum.at(begun, self.whole_plot, self.order)
         return np.argsort(begun)
 
-    def stratified(self, weight: FloatArray, ratio: float, rho: float) -> Strata:
-        """Projections for autocorrelated readings with these weights."""
-        return Strata(self.declared, self.whole_plot, self.replicate, weight, ratio, self.before, rho)
-
-    @cached_property
-    def before(self) -> IntArray:
-        """(n,) row of the previous reading in its whole plot; the row itself at the first."""
-        executed = np.lexsort((self.order, self.whole_plot))
-        behind = np.concatenate([executed[:1], executed[:-1]])
-        behind = np.where(self.whole_plot[behind] == self.whole_plot[executed], behind, executed)
-        return behind[np.argsort(executed)]
-
-    @cached_property
-    def at(self) -> Mapping[Level, Stratum]:
-        """Both strata of all transducers."""
-        return {level: self._at(level) for level in LEVELS}
-
-    @cached_property
-    def rounding(self) -> FloatArray:
-        """(S,) least error of each transducer, mV: smaller differences of its outputs are rounding."""
-        return np.asarray(np.maximum(RESOLVED * np.ptp(self.outputs, axis=1), np.finfo(float).tiny))
-
-    @cached_property
-    def length_at(self) -> Mapping[Level, FloatArray]:
-        """(S, J) length of each raw column at each level: of readings by weight, or of whole plots' means."""
-        readings, means = np.zeros((2, len(self.sensors), len(self.candidates)))
-        for i, (strata, mine) in enumerate(zip(self.strata, self._concerned, strict=True)):
-            of_means = self._means[i][:, 1:]
-            readings[i, mine] = np.linalg.norm(strata.whiten(self._own[i][:, 1:]), axis=0)
-            means[i, mine] = np.linalg.norm(of_means * strata.precision[:, None], axis=0)
-        return {"subplot": readings, "whole-plot": means}
-
     @cached_property
     def judged_at(self) -> tuple[Level, ...]:
-        """For each candidate the level of its test: its own stratum's, if it varies there."""
-        return tuple("subplot" if within else "whole-plot" for within in self._judged_within.tolist())
+        """For each candidate the level of its effect: its own stratum's, if it varies there."""
+        varies = np.any([_varies_within(raw, self.whole_plot) for raw in self.raw], axis=0)
+        each = zip(self.candidates, varies.tolist(), strict=True)
+        return tuple("subplot" if within and c.effect.stratum == "subplot" else "whole-plot" for c, within in each)
 
-    def within(self, level: Level, of: Sequence[int] | IntArray | None = None) -> IntArray:
-        """Indices of the candidates (of the given ones) of a level."""
-        here = self._judged_within if level == "subplot" else ~self._judged_within
-        if of is None:
-            return np.flatnonzero(here)
-        every = np.asarray(of, np.int64)
-        return every[here[every]]
+    def within(self, level: Level, of: Sequence[int]) -> tuple[int, ...]:
+        """Those of some candidates that are judged at a level."""
+        return tuple(j for j in of if self.judged_at[j] == level)
 
-    @cached_property
-    def _judged_within(self) -> NDArray[np.bool_]:
-        """(J,) whether a candidate is judged within whole plots."""
-        varies = np.zeros(len(self.candidates), np.bool_)
-        for strata, own, mine in zip(self.strata, self._own, self._concerned, strict=True):
-            varies[mine] |= strata.varies_within(own[:, 1:])
-        return varies & np.array([c.effect.stratum == "subplot" for c in self.candidates], np.bool_)
-
-    @cached_property
-    def own(self) -> tuple[IntArray, ...]:
-        """Candidates that each transducer has for itself."""
-        return tuple(np.flatnonzero(self._owner == i) for i in range(len(self.sensors)))
-
-    @cached_property
-    def alone(self) -> tuple[tuple[Problem, IntArray], ...]:
-        """Each transducer by itself with its own candidates, and their indices here.
-
-        Beside a model without candidates of the line they are judged there as they are here, with fewer numbers.
+    def left_within(self, chosen: Sequence[int], i: int) -> tuple[FloatArray, FloatArray]:
+        """(n,) residuals of transducer `i`, mV, beside some candidates and an offset of each whole plot; and (n,) share
+        of a reading's variance in each.
         """
-        return tuple(self._alone(i) for i in range(len(self.sensors)))
-
-    def _alone(self, i: int) -> tuple[Problem, IntArray]:
-        mine = self.own[i]
-        one = slice(i, i + 1)
-        problem = replace(
-            self,
-            sensors=self.sensors[one],
-            outputs=self.outputs[one],
-            raw=self.raw[one][:, :, mine],
-            candidates=tuple(self.candidates[j] for j in mine),
-            weight=self.weight[one],
-            ratio=self.ratio[one],
-            rho=self.rho[one],
-        )
-        known = {
-            "strata": self.strata[one],
-            "at": {
-                level: Stratum(of.outputs[one], np.ascontiguousarray(of.columns[one][:, :, mine]), of.df[one])
-                for level, of in self.at.items()
-            },
-            "length_at": {level: length[one][:, mine] for level, length in self.length_at.items()},
-            "_judged_within": self._judged_within[mine],
-        }
-        vars(problem).update(known)  # what is known already is not computed again
-        return problem, mine
-
-    def among(self, chosen: Sequence[int]) -> tuple[Problem, tuple[int, ...]]:
-        """The problem with the `chosen` candidates alone, and their indices there."""
-        few = tuple(self.candidates[j] for j in chosen)
-        return replace(self, raw=self.raw[:, :, list(chosen)], candidates=few), tuple(range(len(few)))
+        own = self.raw[i][:, list(chosen)]
+        sd = self.sd[i][:, None]
+        plots = self.whole_plot[:, None] == np.arange(int(self.whole_plot.max()) + 1)
+        columns = np.hstack([plots, self.declared, own[:, np.any(own != 0.0, axis=0)]]) / sd
+        basis, y = orthonormal(columns, None, 1e-6), self.outputs[i] / sd[:, 0]
+        return (y - basis @ (basis.T @ y)) * sd[:, 0], np.asarray(1.0 - np.sum(basis**2, axis=1))
 
     def take(self, rows: IntArray) -> Problem:
         """The problem of some of the rows, with the columns of the whole."""
@@ -230,40 +124,18 @@ class Problem:
             whole_plot=np.unique(self.whole_plot[rows], return_inverse=True)[1],
             replicate=np.unique(self.replicate[rows], return_inverse=True)[1],
             order=self.order[rows],
+            pressure_psia=self.pressure_psia[rows],
             weight=self.weight[:, rows],
         )
 
-    def _at(self, level: Level) -> Stratum:
-        count = self.outputs.shape[1] if level == "subplot" else int(self.whole_plot.max()) + 1
-        outputs, columns = np.zeros((len(self.sensors), count)), np.zeros((len(self.sensors), count, self.raw.shape[2]))
-        for i, (strata, mine) in enumerate(zip(self.strata, self._concerned, strict=True)):
-            left = strata.leave(self._own[i], level, self._means[i])
-            outputs[i], columns[i][:, mine] = left[:, 0], left[:, 1:]
-        return Stratum(outputs, columns, np.array([float(strata.df(level)) for strata in self.strata]))
 
-    @cached_property
-    def _means(self) -> tuple[FloatArray, ...]:
-        """(W, q + 1) `Strata.means` of each transducer's output and of its candidates."""
-        return tuple(strata.means(own) for strata, own in zip(self.strata, self._own, strict=True))
-
-    @cached_property
-    def _own(self) -> tuple[FloatArray, ...]:
-        """(n, q + 1) each transducer's output and its candidates."""
-        return tuple(
-            np.column_stack([y, raw[:, mine]])
-            for y, raw, mine in zip(self.outputs, self.raw, self._concerned, strict=True)
-        )
-
-    @cached_property
-    def _concerned(self) -> tuple[IntArray, ...]:
-        """The candidates of each transducer."""
-        return tuple(np.flatnonzero((self._owner == i) | (self._owner < 0)) for i in range(len(self.sensors)))
-
-    @cached_property
-    def _owner(self) -> IntArray:
-        """(J,) index of each candidate's transducer; below zero for the line's."""
-        index = {sensor: i for i, sensor in enumerate(self.sensors)}
-        return np.array([-1 if sensor is None else index[sensor] for sensor in self.sensor_of], np.int64)
+def _varies_within(columns: FloatArray, group: IntArray) -> NDArray[np.bool_]:
+    """(q,) whether columns (n, q) vary within groups by more than rounding and readback noise."""
+    sums = np.zeros((int(group.max()) + 1, columns.shape[1]))
+    np.add.at(sums, group, columns)
+    within = np.linalg.norm(columns - (sums / np.bincount(group)[:, None])[group], axis=0)
+    about = np.linalg.norm(columns - columns.mean(axis=0), axis=0)
+    return np.asarray(within > VARIES * about + 1e-9 * np.linalg.norm(columns, axis=0))
 
 
 def pose(
@@ -294,7 +166,7 @@ def pose(
     left = np.linalg.norm(raw - np.einsum("nk,mk,smj->snj", basis, basis, raw, optimize=True), axis=(0, 1))
     useful = np.flatnonzero(left > IS_THE_MODEL * np.linalg.norm(raw, axis=(0, 1)))
     outputs = np.stack([data.outputs[s] for s in data.transducers])
-    fitted = SplitPlotDesign(declared, data.whole_plot, names).fit_many(outputs.T)
+    SplitPlotDesign(declared, data.whole_plot, names).fit_many(outputs.T)  # raises where errors are not determined
     return Problem(
         sensors=data.transducers,
         names=names,
@@ -305,9 +177,8 @@ def pose(
         whole_plot=data.whole_plot_index,
         replicate=np.unique(data.replicate, return_inverse=True)[1].astype(np.int64),
         order=data.order,
+        pressure_psia=data.pressure_psia,
         weight=np.ones_like(outputs),
-        ratio=fitted.ratio,
-        rho=np.zeros(len(outputs)),
         left_out=tuple(NotKept(candidates[j].effect.name, candidates[j].sensor, "overflow") for j in large),
     )
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from rig.fitter.trace.doubts import shown_by_another, under_another_name
+from rig.fitter.trace.engine.beside import LEVELS
 from rig.fitter.trace.limits import limit
-from rig.procedures.pressure.trace.strata import LEVELS
 from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 
 UNEXPLAINED = limit("unexplained", "whole-plot")

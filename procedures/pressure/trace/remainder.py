@@ -5,39 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.sums_of_squares import FTest
+from rig.fitter.trace.engine.beside import View
 from rig.fitter.trace.found import Unnamed
 from rig.procedures.pressure.data import WholePlotData
-from rig.procedures.pressure.trace.problem import Problem
-from rig.procedures.pressure.trace.score import beside
-from rig.procedures.pressure.trace.strata import Level
 
 SAME_TEMPERATURE_DEGC = 2.0
 """Whole plots with closer temperatures are repeats: chambers are accurate to a degree, steps of designs are many
 degrees.
 """
-
-
-def lack_of_fit(problem: Problem, chosen: tuple[int, ...], level: Level, repeats: IntArray, i: int) -> FTest:
-    """Test of larger variation of the residual between `repeats` than within them, in one stratum of transducer `i`.
-
-    Args:
-        problem: the run.
-        chosen: candidates in the model.
-        level: the stratum.
-        repeats: (m,) group number of rows of the stratum that should agree within its error.
-        i: the transducer.
-    """
-    stratum = beside(problem, level, chosen, ())
-    left, weight = stratum.white.outputs[i], _weight(problem, level, i)
-    count = np.bincount(repeats)
-    mean = np.bincount(repeats, left * weight) / np.maximum(np.bincount(repeats, weight**2), np.finfo(float).tiny)
-    pure = float(np.sum((left - mean[repeats] * weight) ** 2))
-    below = int(np.sum(np.maximum(count - 1, 0)))
-    above = int(stratum.df[i]) - below
-    if above <= 0 or below <= 0 or pure <= 0:
-        return FTest(float("nan"), max(above, 0), max(below, 0))
-    return FTest((float(left @ left) - pure) / above / (pure / below), above, below)
 
 
 def repeated_readings(data: WholePlotData) -> IntArray:
@@ -60,21 +35,20 @@ def repeated_whole_plots(data: WholePlotData) -> IntArray:
     return _numbered(pairs[0] * (1 + pairs[1].max()) + pairs[1])
 
 
-def strongest_pressure(problem: Problem, chosen: tuple[int, ...], data: WholePlotData, i: int) -> Unnamed:
-    """The pressure with the largest residual within whole plots of transducer `i`."""
-    stratum = beside(problem, "subplot", chosen, ())
-    left, levels = stratum.white.outputs[i], data.pressure_levels
+def strongest_pressure(view: View, data: WholePlotData, i: int) -> Unnamed:
+    """The pressure with the largest residual of transducer `i` in a `view` within whole plots."""
+    left, levels = view.outputs[i], data.pressure_levels
     sums, count = np.bincount(levels[1], left), np.bincount(levels[1])
     most = int(np.argmax(np.abs(sums) / np.sqrt(count)))
-    plain = left * stratum.sigma[i] / _weight(problem, "subplot", i)
+    plain = left * view.sigma[i] * view.white.errors[i].sd
     mean = float(np.mean(plain[levels[1] == most]))
     share = float(np.sum(sums**2 / count) / np.sum(left**2))
     return Unnamed(f"within whole plots, most at {levels[0][most]:g} psia: {mean:+.2g} mV on average", share)
 
 
-def strongest_whole_plot(problem: Problem, chosen: tuple[int, ...], data: WholePlotData, i: int) -> Unnamed:
-    """The temperatures with the largest residual between whole plots of transducer `i`."""
-    left, repeats = beside(problem, "whole-plot", chosen, ()).white.outputs[i], repeated_whole_plots(data)
+def strongest_whole_plot(view: View, data: WholePlotData, i: int) -> Unnamed:
+    """The temperatures with the largest residual of transducer `i` in a `view` between whole plots."""
+    left, repeats = view.outputs[i], repeated_whole_plots(data)
     sums, count = np.bincount(repeats, left), np.bincount(repeats)
     most = int(np.argmax(np.abs(sums) / np.sqrt(count)))
     rows = np.isin(data.whole_plot_index, np.flatnonzero(repeats == most))
@@ -99,11 +73,6 @@ def reading_error_pct(data: WholePlotData, residual: FloatArray, slope: FloatArr
     np.maximum.at(largest, level, error)
     names = (f"{round(float(p), 3):g}" for p in psia)  # differences of levels are larger
     return {name: float(e) if p > 0 else None for name, p, e in zip(names, psia, largest, strict=True)}
-
-
-def _weight(problem: Problem, level: Level, i: int) -> FloatArray:
-    """(m,) root of the weight of each row of a stratum."""
-    return np.sqrt(problem.weight[i]) if level == "subplot" else problem.strata[i].precision
 
 
 def _numbered(code: IntArray) -> IntArray:

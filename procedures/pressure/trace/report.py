@@ -24,9 +24,10 @@ from rig.fitter.trace.doubts import (
     several_causes,
     something_left,
 )
+from rig.fitter.trace.engine.beside import Level
 from rig.fitter.trace.found import Unnamed, verdict
 from rig.fitter.trace.lines import CLEAR
-from rig.fitter.trace.not_kept import NotKept, for_others, left_to_whole_plots
+from rig.fitter.trace.not_kept import for_others, left_to_whole_plots
 from rig.fitter.trace.shares import of_rest, shares, unnamed_part
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
@@ -41,7 +42,6 @@ from rig.procedures.pressure.trace.noise_report import noise_findings
 from rig.procedures.pressure.trace.problem import Problem
 from rig.procedures.pressure.trace.reasons import UNEXPLAINED, of_alias, of_another
 from rig.procedures.pressure.trace.remainder import (
-    lack_of_fit,
     reading_error_pct,
     repeated_readings,
     repeated_whole_plots,
@@ -49,10 +49,8 @@ from rig.procedures.pressure.trace.remainder import (
     strongest_whole_plot,
 )
 from rig.procedures.pressure.trace.result import FoundPressureEffect, Side, TransducerTrace
-from rig.procedures.pressure.trace.settle import Look
-from rig.procedures.pressure.trace.smooth import smoothest
+from rig.procedures.pressure.trace.settle import Settled
 from rig.procedures.pressure.trace.some_plots import in_some_plots
-from rig.procedures.pressure.trace.strata import Level
 from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 
 DIFFERENT = 0.01
@@ -74,13 +72,11 @@ class Finding:
         model: the declared one, as requested.
         formula: its terms.
         scene: references.
-        judge: of the search, with its final weights.
+        settled: the search, with its final weights, and the noise with the effects.
         before: the declared model.
         after: the same with the effects.
         stated: the same with those that lower the error of a transducer.
         every: the whole run, prepared.
-        look: the noise with the effects.
-        not_kept: candidates that were not kept, with reasons.
         cv: (2, S) error of left-out whole plots, before and after.
     """
 
@@ -89,14 +85,17 @@ class Finding:
     model: str
     formula: Formula
     scene: PressureScene
-    judge: WholePlotJudge
+    settled: Settled
     before: Estimate
     after: Estimate
     stated: Estimate
     every: Problem
-    look: Look
-    not_kept: tuple[NotKept, ...]
     cv: FloatArray | None
+
+    @property
+    def judge(self) -> WholePlotJudge:
+        """The judge of the search."""
+        return self.settled.judge
 
     @cached_property
     def classes(self) -> dict[str, tuple[Rival, ...]]:
@@ -106,13 +105,11 @@ class Finding:
     @cached_property
     def unmodelled(self) -> UnmodelledSmooth:
         """Shapes without a name beside what was found."""
-        return UnmodelledSmooth(self.judge.problem, replace(self.scene, data=self.data), self.after.chosen)
+        return UnmodelledSmooth(self.judge, replace(self.scene, data=self.data), self.after.chosen)
 
-    @cached_property
-    def unweighted(self) -> tuple[Problem, tuple[int, ...]]:
-        """The run with its findings alone, and readings taken as independent: repeats are compared so."""
-        few, inside = self.judge.problem.among(self.after.chosen)
-        return replace(few, rho=np.zeros_like(few.rho)), inside
+    def free(self, level: Level, i: int) -> float:
+        """Degrees of freedom of a level of transducer `i` beside the declared model."""
+        return float(self.unmodelled.white.view(level, ()).df[i])
 
     @cached_property
     def constant(self) -> Constant:
@@ -122,8 +119,8 @@ class Finding:
     @cached_property
     def courses(self) -> dict[int, Course]:
         """What whole plots follow beside what was found, by transducer."""
-        unmodelled = self.unmodelled
-        return courses(unmodelled.problem, unmodelled.scene, unmodelled.chosen) if unmodelled.able else {}
+        unmodelled, in_time = self.unmodelled, self.judge.problem.plots_in_time
+        return courses(unmodelled.view("whole-plot"), in_time, unmodelled.scene) if unmodelled.able else {}
 
 
 def transducer(finding: Finding, i: int) -> TransducerTrace:
@@ -138,7 +135,7 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
     ]
     effects.sort(key=lambda effect: -effect.share)
     effects += noise_findings(
-        finding.whole, finding.every, finding.after, finding.look, finding.scene.sensitivity[sensor], i
+        finding.whole, finding.every, finding.after, finding.settled, finding.scene.sensitivity[sensor], i
     )
     rest = of_rest(divided, left)
     idle = [effect.effect for effect in effects if not _falls(finding, effect, i)]
@@ -159,10 +156,10 @@ def transducer(finding: Finding, i: int) -> TransducerTrace:
         alike=tuple(
             text for name in finding.classes for text in (_alike(finding, name), _mixed(finding, name)) if text
         ),
-        noise=finding.look.noise[i],
+        noise=finding.settled.look.noise[i],
         sensitivity=finding.scene.sensitivity[sensor],
         keeping=(
-            *(one.sentence for one in finding.not_kept if one.sensor in (None, sensor)),
+            *(one.sentence for one in finding.settled.not_kept if one.sensor in (None, sensor)),
             *map(for_others, idle),
             *(left_to_whole_plots(e.effect) for e in effects if _only_within(finding, e, i)),
         ),
@@ -277,7 +274,7 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
             {term: c.stderr for term, c in coefficients.items()},
         ),
         p_adjusted=p,
-        p_adjusted_is_bound=finding.judge.is_bound(p, mine),
+        p_adjusted_is_bound=finding.judge.is_bound(p),
         share=0.0,  # together for all effects: `_shares`
         aliases=tuple(other.name for other in alike),
         separation=separation(explanations, name),
@@ -317,21 +314,21 @@ def _shares(finding: Finding, names: list[str], unnamed: float, i: int) -> Float
     """
     problem, after = finding.judge.problem, finding.after
     sensor, effects = problem.sensors[i], problem.candidates
-    strata = problem.stratified(np.ones(problem.outputs.shape[1]), float(problem.ratio[i]), 0.0)
     mine = [
         [j for j in after.chosen if effects[j].effect.name == n and effects[j].sensor in (None, sensor)] for n in names
     ]
     parts = [problem.raw[i][:, own] @ np.array([after.coefficients[j].value for j in own]) for own in mine]
-    every = np.column_stack([*parts, problem.outputs[i]])
-    of_mean = np.sqrt(strata.total) / strata.precision  # a whole plot's mean counts as often as it has readings
-    within, between = strata.leave(every, "subplot"), strata.leave(every, "whole-plot") * of_mean[:, None]
+    every, basis = np.column_stack([*parts, problem.outputs[i]]), orthonormal(problem.model)
+    every = every - basis @ (basis.T @ every)
+    left = every[:, -1] - every[:, :-1].sum(axis=1)
+    count = np.bincount(problem.whole_plot)
+    between = (np.bincount(problem.whole_plot, left) / count)[problem.whole_plot]
     scatter = 0.0
-    levels: dict[Level, FloatArray] = {"subplot": within, "whole-plot": between}
+    levels: dict[Level, FloatArray] = {"subplot": left - between, "whole-plot": between}
     for level, rows in levels.items():
-        used, df = sum(problem.judged_at[own[0]] == level for own in mine if own), float(strata.df(level))
-        left = float(np.sum((rows[:, -1] - rows[:, :-1].sum(axis=1)) ** 2))
-        scatter += left * (1.0 - unnamed) * df / max(df - used, 1.0)
-    *beyond, residual = np.vstack([within, between]).T
+        used, df = sum(problem.judged_at[own[0]] == level for own in mine if own), finding.free(level, i)
+        scatter += float(rows @ rows) * (1.0 - unnamed) * df / max(df - used, 1.0)
+    *beyond, residual = every.T
     return shares(beyond, residual, scatter)
 
 
@@ -372,36 +369,25 @@ def _experiments(effect: Entry, aliases: Iterable[Entry]) -> str:
 
 
 def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
-    """The remainder in both strata beyond chance: its smooth variation, and its largest part."""
-    whitened, chosen, data = finding.judge.problem, finding.after.chosen, finding.data
+    """The remainder in both strata beyond chance: the shape it follows, and what repeats have in common."""
+    unmodelled, data = finding.unmodelled, finding.data
     rest: list[Unnamed] = []
     by_level: Mapping[Level, tuple[IntArray, Callable[..., Unnamed]]] = {
         "subplot": (repeated_readings(data), strongest_pressure),
-        "whole-plot": (repeated_whole_plots(data), strongest_whole_plot),
+        "whole-plot": (repeated_whole_plots(data)[data.whole_plot_index], strongest_whole_plot),
     }
     for level, (repeats, strongest) in by_level.items():
-        slopes = partial(finding.unmodelled.among_slopes, i)
-        smooth, p = smoothest(whitened, chosen, data, i, level, slopes)
-        here: list[Unnamed] = []
-        if p * len(whitened.sensors) < UNEXPLAINED:
-            here.append(smooth)
-        lacking = lack_of_fit(*finding.unweighted, level, repeats, i).p
-        if lacking < UNEXPLAINED and level == "subplot":
-            lacking = max(lacking, finding.unmodelled.of_repeats(repeats, i))
-        if lacking < UNEXPLAINED:
-            here.append(strongest(*finding.unweighted, data, i))
-        left = finding.unmodelled.left_in(i, level)
-        if not rest and not here and left is not None and left.p < UNEXPLAINED:
-            here.append(left.unnamed())
-        if here and left is not None:
-            here[0] = replace(here[0], shape=drawn(finding.unmodelled, left))
-        rest += here
+        left = unmodelled.left_in(i, level)
+        if left is not None and left.p < UNEXPLAINED:
+            rest.append(replace(left.unnamed(), shape=drawn(unmodelled, left)))
+        if unmodelled.of_repeats(repeats, i, level) < UNEXPLAINED:
+            rest.append(strongest(unmodelled.view(level), data, i))
         if level == "whole-plot" and i in finding.courses and not any(_BETWEEN in one.where for one in rest):
             rest.append(finding.courses[i].unnamed())
-    line = finding.unmodelled.lines[i]
+    line = unmodelled.lines[i]
     if line is not None and line.p < CLEAR:
-        rest.append(Unnamed(line.where, line.share, shape=drawn_period(finding.unmodelled, line, i)))
-    if finding.unmodelled.able and all(one.stratum == "noise" for one in rest):
-        some = in_some_plots(finding.unmodelled, i)
+        rest.append(Unnamed(line.where, line.share, shape=drawn_period(unmodelled, line, i)))
+    if unmodelled.able and all(one.stratum == "noise" for one in rest):
+        some = in_some_plots(unmodelled, i)
         rest += [] if some is None else [some]
     return tuple(rest)

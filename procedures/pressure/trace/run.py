@@ -18,15 +18,13 @@ from rig.procedures.pressure.effects.scene import PressureEffect, PressureScene
 from rig.procedures.pressure.fit import HIERARCHICAL, named_formula
 from rig.procedures.pressure.fit.models import check_determined
 from rig.procedures.pressure.trace.agreement import named
-from rig.procedures.pressure.trace.estimate import coefficients_of, contributed, estimate, never_above
-from rig.procedures.pressure.trace.judge import WholePlotJudge, by_strata
-from rig.procedures.pressure.trace.posed import judged
+from rig.procedures.pressure.trace.estimate import contributed, estimate, never_above
+from rig.procedures.pressure.trace.judge import WholePlotJudge
 from rig.procedures.pressure.trace.problem import pose
 from rig.procedures.pressure.trace.report import Finding, transducer
 from rig.procedures.pressure.trace.result import WholePlotTrace
 from rig.procedures.pressure.trace.settle import settle
 
-SEED = 20260115
 FOLDS = 24
 """Maximum number of repeats with left-out whole plots."""
 
@@ -35,10 +33,8 @@ def trace_whole_plots(
     data: WholePlotData,
     model: str = "full",
     catalogue: Sequence[PressureEffect] = PRESSURE_CATALOGUE,
-    seed: int = SEED,
     *,
     validate: bool = True,
-    pooled: bool = False,
 ) -> WholePlotTrace:
     """Find effects missing in the declared model of pressure transducers.
 
@@ -47,9 +43,6 @@ def trace_whole_plots(
         model: a name of `rig.procedures.pressure.fit.models`, or a formula; "hierarchical" is the full model, because a
             search could only restore its terms.
         catalogue: effects to search.
-        seed: of the simulated null; the same data and seed give the same result.
-        pooled: search with the engine of all kinds (`rig.fitter.trace.engine`), which estimates both strata's errors
-            anew with every candidate; for comparisons until it is the only one.
         validate: repeat the search without each whole plot for the left-out error, which takes most of the time.
 
     Raises:
@@ -62,10 +55,9 @@ def trace_whole_plots(
     check_determined(data, formula)
     scene = scene_of(data)
     whole = pose(data, names, declared, scene, catalogue)
-    settled = settle(data.pressure_psia, whole, judged if pooled else by_strata(seed))
-    problem, found = settled.problem, settled.chosen
-    before, after = estimate(replace(problem, weight=np.ones_like(problem.weight)), ()), estimate(problem, found)
-    judge = settled.judge
+    settled = settle(whole)
+    judge, found = settled.judge, settled.chosen
+    problem, before, after = judge.problem, estimate(judge, ()), estimate(judge, found)
     taken_out = never_above(judge, before, after)
     finding = Finding(
         data=data.take(settled.kept),
@@ -73,13 +65,11 @@ def trace_whole_plots(
         model=model if model != HIERARCHICAL else f"full (where {HIERARCHICAL} starts)",
         formula=formula,
         scene=scene,
-        judge=judge,
+        settled=settled,
         before=before,
         after=after,
         stated=taken_out,
         every=whole,
-        look=settled.look,
-        not_kept=settled.not_kept,
         cv=left_out(judge, found) if validate else None,
     )
     wrong = refusals(finding.judge, found, finding.classes, scene.sensitivity)
@@ -127,8 +117,8 @@ def left_out(judge: WholePlotJudge, found: tuple[int, ...]) -> FloatArray | None
         rest = problem.take(inside)
         try:
             design = SplitPlotDesign(rest.declared, rest.whole_plot, rest.names)
-            chosen = named(judge.rows(rest, inside, found)) if found else ()
-            coefficients = coefficients_of(rest, chosen)
+            part = judge.rows(rest, inside, found)
+            coefficients = part.coefficients(named(part)) if found else {}
             plain = design.fit_many(rest.outputs.T).coefficients
             beside_effects = design.fit_many((rest.outputs - contributed(rest, coefficients)).T).coefficients
         except FitError:

@@ -33,7 +33,7 @@ OF_ITS_OWN = 0.01
 def in_some_plots(unmodelled: UnmodelledSmooth, i: int) -> Unnamed | None:
     """The clearest shape that whole plots of transducer `i` follow, each by its own amount; None if there is none."""
     problem, view = unmodelled.problem, unmodelled.view("subplot")
-    whiten, left, n = problem.strata[i].whiten, view.outputs[i], problem.whole_plot.size
+    whiten, left, n = view.white.errors[i].white, view.outputs[i], problem.whole_plot.size
     plots = np.arange(int(problem.whole_plot.max()) + 1) == problem.whole_plot[:, None]
     best: tuple[float, str, float] = (UNEXPLAINED, "", 0.0)
     every = list(_shapes(unmodelled.scene))

@@ -14,23 +14,27 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.doubts import BUNDLE, DOUBT, bundle, in_several, no_better, something_left
 from rig.fitter.trace.doubts import beside as small_beside
+from rig.fitter.trace.engine.beside import LEVELS, Level, View, White
 from rig.fitter.trace.flexible import Remainder, evidence, remainders, tried
 from rig.fitter.trace.found import Unnamed
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import Line, line
 from rig.fitter.trace.search import names_of
 from rig.procedures.pressure.effects.scene import TIMES_WARM, PressureScene
-from rig.procedures.pressure.trace.neighbours import Neighbours, neighbours
+from rig.procedures.pressure.trace.between import TINY, alike, p_among
+from rig.procedures.pressure.trace.judge import WholePlotJudge
 from rig.procedures.pressure.trace.places import Place, places_of
 from rig.procedures.pressure.trace.problem import Problem
-from rig.procedures.pressure.trace.score import CHANCE, SLOPES, TINY, beside
-from rig.procedures.pressure.trace.strata import LEVELS, Level
 
 EARNED = limit("lead of a name", "whole-plot")
+PLAIN = limit("lead of a plain name", "whole-plot")
+"""Minimum lead in nats of a name with a searched constant, and of one without."""
 SMALL, ALIKE = 0.05, 0.3
 """Ratio of the evidence of an effect to the evidence of a stronger one, below which it may be an error in the law of
 the stronger one: a fifth of its size; and the minimum part of its length along the stronger one."""
 ONLY_WARM = "only its change with the temperature was found, and nothing of it that every temperature has"
+SLOPES = 3
+"""Terms of slopes in a declared model: P, and P times both temperatures."""
 LOOKED_AT = limit("asked again", "whole-plot")
 """Probability above which a shape is not tested against noise that is correlated between neighbouring whole plots."""
 _SEEN: dict[Level, str] = {"subplot": "within whole plots", "whole-plot": "between whole plots"}
@@ -63,15 +67,25 @@ class UnmodelledSmooth:
     """A run with its findings.
 
     Attributes:
-        problem: the run.
+        judge: of the run.
         scene: its references, of the same rows.
         chosen: candidates in the model.
 
     """
 
-    problem: Problem
+    judge: WholePlotJudge
     scene: PressureScene
     chosen: tuple[int, ...]
+
+    @property
+    def problem(self) -> Problem:
+        """The run."""
+        return self.judge.problem
+
+    @cached_property
+    def white(self) -> White:
+        """The run over its errors."""
+        return self.judge.white(self.chosen)
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
@@ -81,7 +95,7 @@ class UnmodelledSmooth:
     @cached_property
     def able(self) -> bool:
         """Whether there is noise for a comparison with shapes."""
-        return all(bool(np.all(self.view(level).sigma > 10 * self.problem.rounding)) for level in LEVELS)
+        return all(bool(np.all(self.view(level).sigma > 10 * self.white.rounding)) for level in LEVELS)
 
     @cached_property
     def left(self) -> tuple[ResidualShape, ...]:
@@ -142,7 +156,7 @@ class UnmodelledSmooth:
                     out |= {(name, i): bundle(names) for name in names if (name, i) not in out}
                 if names and any((name, i) not in out for name in names):
                     named, unmodelled, where = self.earned(names, i, level)
-                    if named - unmodelled < EARNED:
+                    if named - unmodelled < self._asked(names):
                         out |= {(name, i): no_better(names, where) for name in names if (name, i) not in out}
                 if len(names) > 1:
                     out |= {(name, i): why for name, why in self._each(names, i, level).items() if (name, i) not in out}
@@ -175,7 +189,7 @@ class UnmodelledSmooth:
         evidence_of = {name: self.earned([name], i, level) for name in names}
         strongest = max(names, key=lambda name: evidence_of[name][0])
         for name, (named, unmodelled, where) in evidence_of.items():
-            if named - unmodelled < EARNED:
+            if named - unmodelled < self._asked([name]):
                 out[name] = no_better([name], where)
             elif name != strongest and self._overlap(name, strongest, i, level) > ALIKE:
                 if named < SMALL * evidence_of[strongest][0]:
@@ -186,15 +200,20 @@ class UnmodelledSmooth:
                 out[strongest] = out[name] = bundle([strongest, name])
         return out
 
+    def _asked(self, names: Sequence[str]) -> float:
+        """Minimum lead of some names over a shape without one."""
+        return EARNED if self._searched({*names}) else PLAIN
+
     def _searched(self, names: AbstractSet[str]) -> bool:
         """Whether a constant is searched for one of these effects: with another effect they can take any shape."""
         return any(c.effect.searched for c in self.problem.candidates if c.effect.name in names)
 
     def _overlap(self, name: str, other: str, i: int, level: Level) -> float:
         """Part of an effect in transducer `i` that lies along another, of its length beside the declared model."""
-        problem, columns = self.problem, self.problem.at[level].columns[i]
+        problem, view = self.problem, self.white.view(level, ())
         one, along = (
-            columns[:, [j for j in self.chosen if problem.candidates[j].effect.name == text]] for text in (name, other)
+            view.of([j for j in self.chosen if problem.candidates[j].effect.name == text], [i])
+            for text in (name, other)
         )
         one, along = (some[:, np.any(some != 0.0, axis=0)] for some in (one, along))
         basis = orthonormal(along)
@@ -208,7 +227,7 @@ class UnmodelledSmooth:
         )
         if len(beside) == len(self.chosen):
             return False
-        i, view = left.sensor, View(self.problem, left.place.level, beside, self.view(left.place.level).sigma)
+        i, view = left.sensor, self.white.view(left.place.level, beside, self.view(left.place.level).sigma)
         rest = remainders(view.outputs[i], int(view.df[i]), [left.place.block], partial(view.project, i=i))
         count = tried(place.block for place in self.places) * len(self.problem.sensors)
         return not rest or rest[0].p * count >= DOUBT
@@ -250,7 +269,7 @@ class UnmodelledSmooth:
         rest = tuple(j for j in self.chosen if j not in mine)
         of_line = any(problem.candidates[j].sensor is None for j in mine)
         sensors = list(range(len(problem.sensors))) if of_line else [i]
-        view = View(problem, level, rest, self.view(level).sigma)
+        view = self.white.view(level, rest, self.view(level).sigma)
         y = view.outputs[sensors].reshape(-1)
         left, taken, named = y, np.empty((y.size, 0)), 0.0
         for name in names:
@@ -278,7 +297,7 @@ class UnmodelledSmooth:
     def _price(self, name: str, level: Level, *, searched: bool = True) -> float:
         """Price in nats of the selection of this name, and of its searched constant."""
         problem = self.problem
-        at = problem.within(level)
+        at = problem.within(level, range(len(problem.candidates)))
         names = {problem.candidates[j].effect.name for j in at}
         effect = next(c.effect for c in problem.candidates if c.effect.name == name)
         terms = {problem.candidates[j].term.name for j in at if problem.candidates[j].effect.name == name}
@@ -287,15 +306,16 @@ class UnmodelledSmooth:
     def _held_against(self, place: Place, i: int, one: Remainder, view: View) -> float:
         """P by chance with correlated neighbouring whole plots, or with a new sensitivity in each whole plot."""
         if place.level == "whole-plot":
-            return self._alike.p_of_block(i, one.basis, view.outputs[i])
+            return self.p_among(i, one.basis)
         return self._among_slopes(i, one.basis, view) if place.slopes else 0.0
 
-    @cached_property
-    def _alike(self) -> Neighbours:
-        return neighbours(self.problem, self.chosen)
+    def p_among(self, i: int, basis: FloatArray) -> float:
+        """P by chance of a basis (W, q) between whole plots whose errors may be like those of their neighbours."""
+        view = self.view("whole-plot")
+        return p_among(alike(view, self.problem.plots_in_time, i), basis, view.outputs[i])
 
-    def of_repeats(self, repeats: IntArray, i: int) -> float:
-        """P by chance of what groups of readings in transducer `i` differ by within whole plots, as their errors are.
+    def of_repeats(self, repeats: IntArray, i: int, level: Level) -> float:
+        """P by chance of what groups of rows of a level in transducer `i` differ by, as their errors are.
 
         Readings that remember one another differ by less than they scatter, where repeats follow at once; and where
         each whole plot draws its own sensitivity, readings of different ones differ by more.
@@ -303,13 +323,13 @@ class UnmodelledSmooth:
         Args:
             repeats: (n,) group number of each reading.
             i: the transducer.
+            level: of rows that should agree within its error.
 
         """
-        view = self.view("subplot")
+        view = self.view(level)
         groups = (np.arange(int(repeats.max()) + 1) == repeats[:, None]).astype(np.float64)
-        length, groups = np.linalg.norm(groups, axis=0), view.project(groups, i)
-        plots = np.arange(int(self.problem.whole_plot.max()) + 1) == self.problem.whole_plot[:, None]
-        slopes = view.pressure[i][:, None] * plots if "P" in self.problem.names else np.empty((len(groups), 0))
+        length, groups = view.length(groups, i), view.project(groups, i)
+        slopes = view.white.errors[i].slopes if level == "subplot" and "P" in self.problem.names else groups[:, :0]
         return max(_p_of(groups, length, own, view.outputs[i], view.df[i]) for own in (slopes[:, :0], slopes))
 
     def among_slopes(self, i: int, basis: FloatArray) -> float:
@@ -317,24 +337,17 @@ class UnmodelledSmooth:
         return self._among_slopes(i, basis, self.view("subplot"))
 
     def _among_slopes(self, i: int, basis: FloatArray, view: View) -> float:
-        """P of a basis (n, q) from the scatter of whole plots' slopes, where that is more than readings explain."""
-        problem = self.problem
-        if "P" not in problem.names:
+        """P of a basis (n, q) by the slopes of whole plots, where these scatter by more than readings explain."""
+        errors = view.white.errors[i]
+        if not errors.slopes_differ:
             return 0.0
-        z = view.pressure[i]
-        index, count = problem.whole_plot, int(problem.whole_plot.max()) + 1
-        length = np.sqrt(np.maximum(np.bincount(index, z * z, count), TINY))
-        slopes = np.bincount(index, z * view.outputs[i], count) / length
-        own = np.column_stack([np.bincount(index, z * b, count) / length for b in basis.T])
+        slopes, own = errors.slopes.T @ view.outputs[i], errors.slopes.T @ basis
         own = orthonormal(own, np.ones(own.shape[1]), 0.05)
         gain, q = float(np.sum((own.T @ slopes) ** 2)), own.shape[1]
-        below = count - SLOPES - q
+        below = slopes.size - SLOPES - q
         if below < 1 or q < 1:
             return 1.0
-        rest = max(float(slopes @ slopes) - gain, TINY) / below
-        if special.fdtrc(below, view.df[i], rest) >= CHANCE:
-            return 0.0
-        return float(special.fdtrc(q, below, gain / q / rest))
+        return float(special.fdtrc(q, below, gain / q / (max(float(slopes @ slopes) - gain, TINY) / below)))
 
     def view(self, level: Level) -> View:
         """Residuals at a level, beside all that was found."""
@@ -342,7 +355,7 @@ class UnmodelledSmooth:
 
     @cached_property
     def _views(self) -> dict[Level, View]:
-        return {level: View(self.problem, level, self.chosen, None) for level in LEVELS}
+        return {level: self.white.view(level, self.chosen) for level in LEVELS}
 
 
 def _p_of(groups: FloatArray, length: FloatArray, own: FloatArray, left: FloatArray, df: float) -> float:
@@ -356,38 +369,3 @@ def _p_of(groups: FloatArray, length: FloatArray, own: FloatArray, left: FloatAr
         return 1.0
     gain = float(np.sum((basis.T @ left) ** 2))
     return float(special.fdtrc(q, below, gain / q / max((float(left @ left) - gain) / below, TINY)))
-
-
-class View:
-    """Outputs and columns at a level, over the transducers' errors, beside some candidates."""
-
-    def __init__(self, problem: Problem, level: Level, rest: Sequence[int], sigma: FloatArray | None) -> None:
-        self.problem, self.level = problem, level
-        stratum = beside(problem, level, rest)
-        self.sigma = stratum.sigma if sigma is None else sigma
-        self.df = stratum.df
-        self._scale = stratum.sigma / self.sigma
-        self.outputs = stratum.white.outputs * self._scale[:, None]
-        self._columns = stratum.white.columns
-        self._taken = problem.within(level, rest)
-
-    def of(self, picked: Sequence[int], sensors: Sequence[int]) -> FloatArray:
-        """(s m, q) of candidates in some transducers."""
-        some = self._columns[:, :, list(picked)][list(sensors)] * self._scale[list(sensors)][:, None, None]
-        return np.asarray(some.reshape(len(sensors) * some.shape[1], len(picked)))
-
-    def project(self, columns: FloatArray, i: int) -> FloatArray:
-        """(m, q) rest of columns (n, q) in transducer `i`."""
-        left = self.problem.strata[i].leave(columns, self.level) / self.sigma[i]
-        taken = self.problem.at[self.level].columns[i][:, self._taken]
-        basis = orthonormal(taken, self.problem.length_at[self.level][i, self._taken], 1e-3)
-        return np.asarray(left - basis @ (basis.T @ left))
-
-    @cached_property
-    def pressure(self) -> FloatArray:
-        """(S, n) pressure within whole plots, over the errors."""
-        p = self.problem.declared[:, [self.problem.names.index("P")]]
-        index = self.problem.whole_plot
-        p = p - (np.bincount(index, p[:, 0]) / np.bincount(index))[index][:, None]
-        every = [strata.whiten(p)[:, 0] for strata in self.problem.strata]
-        return np.stack(every) / self.sigma[:, None]

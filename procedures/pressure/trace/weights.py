@@ -11,7 +11,6 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.chance import ALPHA, COUNTED
 from rig.fitter.trace.growing_noise import Noise, noise_of
 from rig.procedures.pressure.trace.problem import Problem
-from rig.procedures.pressure.trace.score import beside
 
 REWEIGHTED = 3
 """Number of iterations between weights and noise."""
@@ -23,11 +22,7 @@ def stands_out(noise: Noise, tests: int) -> bool:
 
 
 def weighted(
-    problem: Problem,
-    chosen: tuple[int, ...],
-    pressure_psia: FloatArray,
-    noise: tuple[Noise, ...],
-    grows: Sequence[bool],
+    problem: Problem, chosen: tuple[int, ...], noise: tuple[Noise, ...], grows: Sequence[bool]
 ) -> tuple[Problem, tuple[Noise, ...]]:
     """The problem with readings weighted if noise grows, and the noise from residuals with these weights.
 
@@ -36,8 +31,8 @@ def weighted(
     if not any(grows):
         return problem, noise
     for _ in range(REWEIGHTED):
-        problem = replace(problem, weight=weights_of(noise, grows, pressure_psia))
-        again = noises(problem, chosen, pressure_psia)
+        problem = replace(problem, weight=weights_of(noise, grows, problem.pressure_psia))
+        again = noises(problem, chosen)
         noise = tuple(replace(new, p=old.p) for new, old in zip(again, noise, strict=True))
     return problem, noise
 
@@ -51,22 +46,17 @@ def weights_of(noise: Sequence[Noise], grows: Sequence[bool], pressure_psia: Flo
     return np.asarray(weight / weight.mean(axis=1, keepdims=True))
 
 
-def noises(problem: Problem, chosen: tuple[int, ...], pressure_psia: FloatArray) -> tuple[Noise, ...]:
+def noises(problem: Problem, chosen: tuple[int, ...]) -> tuple[Noise, ...]:
     """Dependence of each transducer's scatter within whole plots on pressure, with the `chosen` candidates.
 
     It is on the pressure, or on its distance from the middle of the range, whichever is clearer.
-
-    Args:
-        problem: the run.
-        chosen: candidates in the model.
-        pressure_psia: (n,).
     """
-    stratum = beside(problem, "subplot", chosen, ())
-    residual = stratum.white.outputs * stratum.sigma[:, None] / np.sqrt(problem.weight)
+    pressure_psia = problem.pressure_psia
     middle = float(pressure_psia.min() + pressure_psia.max()) / 2.0
     found = []
-    for e, strata in zip(residual, problem.strata, strict=True):
-        both = [noise_of(e, strata.kept, pressure_psia, about) for about in (None, middle)]
+    for i in range(len(problem.sensors)):
+        left = problem.left_within(chosen, i)
+        both = [noise_of(*left, pressure_psia, about) for about in (None, middle)]
         grows = [one for one in both if one.per_unit > 0.0] or both
         clearer = min(grows, key=lambda one: one.p)
         found.append(replace(clearer, p=min(len(both) * clearer.p, 1.0)))

@@ -1,4 +1,4 @@
-"""Whole plots searched by the engine of all kinds: signs and sizes, one sensor and several."""
+"""Signs and sizes that the engine of traces asks for, and what it sees of whole plots."""
 
 import gc
 from dataclasses import dataclass
@@ -65,38 +65,22 @@ def named(found):
 
 
 def test_a_step_between_whole_plots_is_seen_nearer_to_their_error():
-    """1.5 sd of a whole plot: both strata know of it, and the error of whole plots is estimated with it."""
+    """1.5 sd of a whole plot: the error of whole plots is estimated with it."""
     hidden = hide(["interruption"], [1.5], seed=3, transducers=1)
-    by_strata, pooled = (trace_whole_plots(hidden.data, hidden.model, validate=False, pooled=p) for p in (False, True))
-    assert named(by_strata) == set()
-    (effect,) = (e for e in pooled.sensors["bridge_1_mV"].effects if e.stratum != "noise")
+    found = trace_whole_plots(hidden.data, hidden.model, validate=False)
+    (effect,) = (e for e in found.sensors["bridge_1_mV"].effects if e.stratum != "noise")
     assert "offset-step" in (effect.effect, *effect.aliases)
 
 
 def test_the_error_on_left_out_whole_plots_is_that_of_the_same_search():
     hidden = hide(["hysteresis"], [0.6], seed=3, transducers=1)
-    found = trace_whole_plots(hidden.data, hidden.model, pooled=True).sensors["bridge_1_mV"]
+    found = trace_whole_plots(hidden.data, hidden.model).sensors["bridge_1_mV"]
     assert [effect.effect for effect in found.effects] == ["hysteresis"]
     assert found.after.cv_rms < found.before.cv_rms
 
 
-@pytest.mark.parametrize(
-    ("bench", "expected"),
-    [
-        (Bench(3 * (Transducer(),), carry_over=6e-4), {(f"bridge_{k}_mV", "carry-over") for k in (1, 2, 3)}),
-        (Bench((Transducer(), Transducer(creep=1.5e-3), Transducer())), {("bridge_2_mV", "creep")}),
-    ],
-    ids=["of the line", "of one transducer"],
-)
-def test_transducers_tell_the_line_from_themselves(bench, expected):
-    found = trace_whole_plots(simulate(bench, seed=1), validate=False, pooled=True)
-    assert named(found) == expected
-    # few simulated runs bound p, and that bound is no reason for doubt
-    assert not any(e.doubtful for t in found.sensors.values() for e in t.effects)
-
-
 def test_a_line_that_would_have_to_overshoot_is_refused():
     bench = Bench((Transducer(), Transducer(sensitivity=1.7)), carry_over=-8e-4)
-    found = trace_whole_plots(simulate(bench, seed=2), validate=False, pooled=True)
+    found = trace_whole_plots(simulate(bench, seed=2), validate=False)
     assert "carry-over" not in {c.effect.name for c in found.chosen}
     assert "carry-over" in {r.effect for t in found.sensors.values() for r in t.refused}
