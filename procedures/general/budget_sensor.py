@@ -117,7 +117,9 @@ class Sensor:
         """(2, m) results of rising and of falling series, less the results; None if they do not differ."""
         found = None if self.strata is None else self.strata.reversed
         if self.by_side is not None:
-            off = sides_of(reversed_by(self._tangent, self.by_side, side_of(self.table)))
+            side = side_of(self.table)
+            side = side if side.any() else np.sign(self.by_side)  # of one of several factors that go up and down
+            off = sides_of(reversed_by(self._tangent, self.by_side, side))
             found = off if found is None else found + off
         return None if found is None else found @ self._jacobian.T
 

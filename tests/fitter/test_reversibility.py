@@ -5,6 +5,8 @@ The loops are written here: what the output is below a rising and above a fallin
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ from rig.fitter.budget import budgets
 from rig.procedures.attitude.budget import AttitudeEvaluation
 from rig.procedures.attitude.budget_traced import TracedEvaluation
 from rig.procedures.attitude.data import AttitudeData
-from rig.procedures.evaluate.budgeting import Evaluation
+from rig.procedures.general.budget import GeneralEvaluation
 from rig.procedures.general.for_budgets import general_evaluation
 from rig.procedures.pressure.budget import PressureEvaluation
 from rig.procedures.pressure.data import WholePlotData
@@ -119,7 +121,7 @@ FORCE = np.tile(np.concatenate([LEVELS, LEVELS[-2::-1]]), 2)
 SIDE = np.tile(np.repeat([1.0, -1.0], [6, 5]), 2)
 
 
-def _laboratory(y) -> Evaluation:
+def _laboratory(y, other=None) -> GeneralEvaluation:
     columns = {
         "replicate": np.repeat([1.0, 2.0], 11),
         "elapsed_s": 60.0 * np.arange(22.0),
@@ -127,9 +129,23 @@ def _laboratory(y) -> Evaluation:
         "force_side": SIDE,
         "cell_V": y,
     }
+    factors = ("force_kN",)
+    if other is not None:
+        columns |= {"x_mm": other, "x_side": other}
+        factors = ("force_kN", "x_mm")
     told = {"declared": {"formula": "1 + force_kN"}, "kind": "general", "outputs": {"cell_V": "cell"}}
-    table = Table("a stand", columns, simulated=True, provenance={}, **told, factors=("force_kN",))
+    table = Table("a stand", columns, simulated=True, provenance={}, **told, factors=factors)
     return general_evaluation(table, [{"force_kN": 1.0}, {"force_kN": 4.0}])
+
+
+def test_an_effect_of_one_of_two_factors_that_go_up_and_down_is_in_the_uncertainty():
+    """No factor was the one with sides, so that the loop was in no line, and a note said that it was."""
+    rng = np.random.default_rng(1)
+    one = _laboratory(10.0 * FORCE + rng.normal(size=22), other=np.tile([1.0, -1.0], 11)).each[0]
+    assert one.reversibility is None
+    size = replace(one, by_side=2.0 * SIDE).reversibility
+    outputs = np.abs(size[:, 2:4])
+    assert outputs == pytest.approx(2.0, rel=0.15)
 
 
 @pytest.mark.parametrize("half", [2.0, 4.0])

@@ -26,7 +26,8 @@ def in_state(effects: Sequence[str], holds: Mapping[str, str]) -> str:
 
 def held(states: Mapping[str, str]) -> str:
     """For which state of each effect results hold, a sentence."""
-    return f"{STATES} {'; '.join(f'of {name}, {words}' for name, words in states.items())}."
+    of_u = {name: ", and U is for either" if "both directions" in words else "" for name, words in states.items()}
+    return f"{STATES} {'; '.join(f'of {name}, {words}{of_u[name]}' for name, words in states.items())}."
 
 
 def lacking(
