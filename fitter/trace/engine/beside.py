@@ -7,7 +7,7 @@ count as few, and in a balanced design these are the strata of its analysis of v
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -32,9 +32,6 @@ FREE = 0.5
 LEAST_DF = 0.5
 """Degrees of freedom from which a part has a mean square of its own."""
 TINY = float(np.finfo(float).tiny)
-
-Part = tuple[FloatArray, float, float]
-"""(q,) sums of squares of weights of rows in a part of the rows, the mean square of the residual there, and its df."""
 
 
 @dataclass(frozen=True)
@@ -100,24 +97,6 @@ class Errors:
     def parts(self) -> tuple[FloatArray, ...]:
         """(n, w) of offsets, and of slopes if they differ."""
         return (self.offsets, self.slopes) if self.slopes_differ else (self.offsets,)
-
-    def shares(self, own: FloatArray, left: FloatArray, basis: FloatArray) -> Iterator[Part]:
-        """Parts of sums of whitened rows with weights `own` (n, q).
-
-        Args:
-            own: weights.
-            left: (n,) whitened residual.
-            basis: (n, r) orthonormal, of the model beside which it is.
-        """
-        total, rest, df = np.sum(own**2, axis=0), float(left @ left), float(len(left) - np.sum(basis**2))
-        usual = max(rest / max(df, 1.0), TINY), max(df, 1.0)
-        for part in self.parts:
-            free = float(np.sum(np.any(part != 0.0, axis=0)) - np.sum((part.T @ basis) ** 2))
-            square, share = float(np.sum((part.T @ left) ** 2)), np.sum((part.T @ own) ** 2, axis=0)
-            total, rest, df = total - share, rest - square, df - free
-            yield (share, max(square / free, TINY), free) if free > LEAST_DF else (share, *usual)
-        total = np.maximum(total, 0.0)
-        yield (total, max(rest / df, TINY), df) if df > LEAST_DF else (total, *usual)
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,20 +254,28 @@ class View:
         return np.asarray(self._at(left, i) / self.sigma[i])
 
     def variances(self, dual: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(q,) variances of sums of all rows with such weights (S n, q), and their degrees of freedom."""
-        n, every = self.residual.shape[1], list[Part]()
-        for i, errors in enumerate(self.white.errors):
+        """(q,) variances of sums of all rows with such weights (S n, q), and their degrees of freedom.
+
+        By the mean square of each part of the rows (Satterthwaite, Biometrics Bulletin 2 (1946) 110).
+        """
+        n, variance, spread = self.residual.shape[1], np.zeros(dual.shape[1]), np.zeros(dual.shape[1])
+        for i in range(len(self.residual)):
             own = dual[i * n : (i + 1) * n]
             if np.any(own):
-                every += errors.shares(own, self.residual[i], self._basis(i))
-        return pooled(every)
+                for share, mean, df in self._parts(i, own):
+                    variance += share * mean
+                    spread += (share * mean) ** 2 / df
+        return np.maximum(variance, TINY), np.maximum(variance, TINY) ** 2 / np.maximum(spread, TINY)
 
-
-def pooled(parts: Iterable[Part]) -> tuple[FloatArray, FloatArray]:
-    """(q,) variances and degrees of freedom from the mean square of each part.
-
-    Satterthwaite, Biometrics Bulletin 2 (1946) 110.
-    """
-    each = [(share * mean, df) for share, mean, df in parts]
-    variance = np.maximum(sum(one for one, _ in each), TINY)
-    return variance, np.asarray(variance**2 / np.maximum(sum(one**2 / df for one, df in each), TINY))
+    def _parts(self, i: int, own: FloatArray) -> Iterator[tuple[FloatArray, float, float]]:
+        """(q,) sums of squares of columns (n, q) in each part of a sensor's rows, its mean square, and its df."""
+        left, basis = self.residual[i], self._basis(i)
+        total, rest, df = np.sum(own**2, axis=0), float(left @ left), float(len(left) - np.sum(basis**2))
+        pooled = max(rest / max(df, 1.0), TINY), max(df, 1.0)
+        for part in self.white.errors[i].parts:
+            free = float(np.sum(np.any(part != 0.0, axis=0)) - np.sum((part.T @ basis) ** 2))
+            square, share = float(np.sum((part.T @ left) ** 2)), np.sum((part.T @ own) ** 2, axis=0)
+            total, rest, df = total - share, rest - square, df - free
+            yield (share, max(square / free, TINY), free) if free > LEAST_DF else (share, *pooled)
+        total = np.maximum(total, 0.0)
+        yield (total, max(rest / df, TINY), df) if df > LEAST_DF else (total, *pooled)

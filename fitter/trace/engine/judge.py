@@ -77,7 +77,7 @@ class TableJudge:
 
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """The most evident candidate beside those `chosen`, among the significant ones."""
-        ranked = [j for j in self._ranked(chosen) if not self.problem.crowded(chosen, j)]
+        ranked = [j for j in self.promising(chosen) if not self.problem.crowded(chosen, j)]
         single = next(((j,) for j in ranked if self.adjusted(chosen, j, ALPHA) <= ALPHA), ())
         return single or self._pair(chosen, ranked)
 
@@ -95,7 +95,7 @@ class TableJudge:
         if not self.problem.noise.slow[self.beside(chosen).best]:
             return ()
         for j in [j for j in ranked if self.candidates[j].effect.source == "time"][:PAIRED]:
-            for k in self._ranked((*chosen, j), "time"):
+            for k in self.promising((*chosen, j), "time"):
                 if self.candidates[k].effect.name == self.candidates[j].effect.name:
                     continue
                 p = self.adjusted((*chosen, j), k, ALPHA)
@@ -109,15 +109,15 @@ class TableJudge:
         whole, rest = tuple(sorted(chosen)), tuple(k for k in chosen if k != j)
         if (whole, j) not in self._p:
             self._grid(whole)  # from which each of them is taken out
-            self._p[whole, j] = 1.0 if self._refused(rest, j) else self.adjusted(rest, j)
+            self._p[whole, j] = 1.0 if self.refused(rest, j) else self.adjusted(rest, j)
         return self._p[whole, j]
 
     def significant(self, chosen: tuple[int, ...], j: int) -> bool:
         """Whether `j` counts as found beside the other `chosen`."""
         rest = tuple(k for k in chosen if k != j)
-        return not self._refused(rest, j) and self.adjusted(rest, j, ALPHA) <= ALPHA
+        return not self.refused(rest, j) and self.adjusted(rest, j, ALPHA) <= ALPHA
 
-    def _refused(self, chosen: tuple[int, ...], j: int) -> bool:
+    def refused(self, chosen: tuple[int, ...], j: int) -> bool:
         """Whether the coefficient of `j` beside those `chosen` has an impossible sign or size."""
         if not self.candidates[j].sign and not np.isfinite(self.candidates[j].most):
             return False
@@ -126,7 +126,7 @@ class TableJudge:
 
     def suspects(self, chosen: tuple[int, ...]) -> tuple[tuple[str, float], ...]:
         """The effects nearest to significance beside those `chosen`, with their p, nearest first."""
-        tried = [(self.candidates[j].effect.name, self.adjusted(chosen, j)) for j in self._ranked(chosen)]
+        tried = [(self.candidates[j].effect.name, self.adjusted(chosen, j)) for j in self.promising(chosen)]
         best: dict[str, float] = {}
         for name, p in tried:
             best[name] = min(p, best.get(name, 1.0))
@@ -318,7 +318,7 @@ class TableJudge:
         view, (*rest, last) = self._of_some(at, (*chosen, j))
         return score(view, self._white(at, y), rest, (last,))[0]
 
-    def _ranked(self, chosen: tuple[int, ...], source: str | None = None) -> Iterable[int]:
+    def promising(self, chosen: tuple[int, ...], source: str | None = None) -> Iterable[int]:
         """The best term of each promising effect, by evidence minus the price of its columns; with a `source`, those
         of it alone.
         """

@@ -194,7 +194,7 @@ def _found(
             {term: float(stderr[k]) for term, k in own.items()},
         ),
         p_adjusted=p,
-        p_adjusted_is_bound=p == judge.family.least,
+        p_adjusted_is_bound=judge.is_bound(p),
         share=0.0,  # together for all effects: `_shares`
         aliases=tuple(dict.fromkeys([*(other.name for other in alike), *([gear.effect] if gear else [])])),
         separation=separation(explanations, name),

@@ -105,6 +105,10 @@ class AttitudeJudge:
         p = self._p_here(chosen, j)
         return p if p <= ALPHA else min(p, float(self._between(self._others(chosen, j))[self.problem.unit_of[j]]))
 
+    def is_bound(self, p: float) -> bool:
+        """Whether no simulated run had such a score."""
+        return p == self.family.least
+
     def stratum_of(self, chosen: tuple[int, ...], j: int) -> Stratum:
         """The stratum in which `j` is significant beside the other `chosen`."""
         if self._p_here(chosen, j) > ALPHA:

@@ -17,6 +17,7 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray
+from rig.procedures.attitude.trace.levels import Level
 from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.score import Scores, errors, inverse, whiten
 from rig.procedures.attitude.trace.walks import SPREAD, likelihood_ratio
@@ -35,18 +36,8 @@ def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: S
     unit, rank = problem.units[u], int(scores.rank[u])
     if rank == 0:
         return 1.0
-    level, sigma = problem.judged_at[unit[0]], errors(problem, chosen)
-    white = whiten(problem, level, chosen, sigma, unit)
-    columns, length2 = white.columns, np.sum((problem.length[:, list(unit)] / sigma[:, None]) ** 2, axis=0)
-    products = np.einsum("snj,snk->jk", columns, columns)
-    d = np.einsum("snj,sn->j", columns, white.outputs)
-    gamma = inverse(products, length2) @ d
-    own = np.einsum("snj,sn->nj", columns, white.outputs - columns @ gamma)
-    meats = [own.T @ own]
-    if level == problem.levels.of_error:
-        by_stretch = np.zeros((int(problem.levels.stretch.max()) + 1, len(unit)))
-        np.add.at(by_stretch, problem.levels.stretch, own)
-        meats.append(by_stretch.T @ by_stretch)
+    level, columns, outputs, length2 = _seen(problem, chosen, unit)
+    products, d, _, meats = _scatter(problem, level, columns, outputs, length2)
     if np.any(problem.wander):
         plain = scores.gain[u] / max(scores.f[u] * rank, np.finfo(float).tiny)
         meats.append(products * plain + walked(problem, columns))
@@ -54,10 +45,7 @@ def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: S
     p = float(special.fdtrc(rank, scores.df[u], max(f, 0.0)))
     if p > critical or problem.levels.df(level) <= 0:
         return p
-    moved = np.flatnonzero(np.any(columns != 0, axis=(1, 2)))
-    # a shape that repeats in every replication is not a random walk, even if it is smooth in time
-    spread = SPREAD if level == problem.levels.of_error else 1.0
-    ratio = likelihood_ratio(problem.levels.walks(level), list(white.outputs[moved]), list(columns[moved]), spread)
+    ratio = _against_walks(problem, level, columns, outputs)
     return max(p, float(special.chdtrc(rank, max(ratio, 0.0))))
 
 
@@ -68,3 +56,53 @@ def walked(problem: Problem, columns: FloatArray) -> FloatArray:
     """
     ahead = np.cumsum(columns[:, problem.levels.executed], axis=1)
     return np.asarray(np.einsum("s,snj,snk->jk", problem.wander, ahead, ahead))
+
+
+def in_part(problem: Problem, chosen: tuple[int, ...], u: int) -> tuple[float, float, float]:
+    """Twice the log-likelihood ratio of a unit within replications beside the `chosen` candidates, for independent
+    errors; the smallest of robust ones over it; and that to a random walk, infinite if not asked.
+    """
+    level, columns, outputs, length2 = _seen(problem, chosen, problem.units[u])
+    products, d, spread, meats = _scatter(problem, level, columns, outputs, length2)
+    plain, rank = float(d @ spread @ d), round(float(np.sum(spread * products)))
+    if rank == 0 or plain <= 0.0:
+        return 0.0, 1.0, np.inf
+    if np.any(problem.wander):
+        meats.append(products + walked(problem, columns))
+    least = min(plain, *(float(d @ inverse(meat, length2, rank) @ d) for meat in meats))
+    asked = problem.levels.df(level) > 0
+    return plain, least / plain, max(_against_walks(problem, level, columns, outputs), 0.0) if asked else np.inf
+
+
+def _seen(
+    problem: Problem, chosen: tuple[int, ...], unit: tuple[int, ...]
+) -> tuple[Level, FloatArray, FloatArray, FloatArray]:
+    """Level at which a unit is judged, (S, n, q) its columns there over the errors, (S, n) the outputs, and
+    (q,) squared lengths of columns before anything was removed.
+    """
+    level, sigma = problem.judged_at[unit[0]], errors(problem, chosen)
+    white = whiten(problem, level, chosen, sigma, unit)
+    return level, white.columns, white.outputs, np.sum((problem.length[:, list(unit)] / sigma[:, None]) ** 2, axis=0)
+
+
+def _scatter(
+    problem: Problem, level: Level, columns: FloatArray, outputs: FloatArray, length2: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, list[FloatArray]]:
+    """(q, q) products of columns, (q,) with the outputs, the inverse, and covariances of products by scatter."""
+    products, d = np.einsum("snj,snk->jk", columns, columns), np.einsum("snj,sn->j", columns, outputs)
+    spread = inverse(products, length2)
+    own = np.einsum("snj,sn->nj", columns, outputs - columns @ (spread @ d))
+    meats = [own.T @ own]
+    if level == problem.levels.of_error:
+        by_stretch = np.zeros((int(problem.levels.stretch.max()) + 1, own.shape[1]))
+        np.add.at(by_stretch, problem.levels.stretch, own)
+        meats.append(by_stretch.T @ by_stretch)
+    return products, d, spread, meats
+
+
+def _against_walks(problem: Problem, level: Level, columns: FloatArray, outputs: FloatArray) -> float:
+    """Twice the log-likelihood ratio to a random walk."""
+    moved = np.flatnonzero(np.any(columns != 0, axis=(1, 2)))
+    # a shape that repeats in every replication is not a random walk, even if it is smooth in time
+    spread = SPREAD if level == problem.levels.of_error else 1.0
+    return likelihood_ratio(problem.levels.walks(level), list(outputs[moved]), list(columns[moved]), spread)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.errors import FitError
-from rig.fitter.trace.chance import Family
+from rig.fitter.trace.chance import DRAWS, Family
+from rig.fitter.trace.engine.family import TableFamily
 from rig.fitter.trace.found import explanations_of
 from rig.fitter.trace.keep import groups_of, kept, left_in
 from rig.fitter.trace.not_kept import NotKept
@@ -28,6 +29,7 @@ from rig.procedures.attitude.trace.judge import AttitudeJudge
 from rig.procedures.attitude.trace.make_problem import make_problem
 from rig.procedures.attitude.trace.outliers import outliers
 from rig.procedures.attitude.trace.plausible import plausible
+from rig.procedures.attitude.trace.posed import PosedJudge
 from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.restarts import search_with_restarts
 from rig.procedures.attitude.trace.result import Trace
@@ -47,15 +49,30 @@ class Search:
         catalogue: effects to search.
         temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
         unnamed: whether smooth terms without a cause may be added at the end.
+        pooled: whether the engine of all kinds searches.
+        simulated: its families.
     """
 
     catalogue: tuple[Effect, ...]
     temperature: bool
     unnamed: bool
+    pooled: bool = False
+    simulated: list[tuple[FloatArray, TableFamily]] = field(default_factory=list)
+
+    def judge(self, problem: Problem, family: Family) -> AttitudeJudge:
+        """The judge of a run."""
+        return PosedJudge(problem, family, simulated=self.simulated) if self.pooled else AttitudeJudge(problem, family)
 
     def problem_of(self, data: AttitudeData) -> Problem:
         """`data` prepared for the search; raises as `trace` does."""
         return make_problem(data, self.catalogue, temperature=self.temperature)
+
+    def family_of(self, problem: Problem, seed: int) -> Family:
+        """Scores by chance; for the engine, which simulates its own, those of as many independent units."""
+        if not self.pooled:
+            return family_of(problem, score(problem, ()), seed)
+        chance = (np.arange(DRAWS) + 0.5) / DRAWS
+        return Family(-np.expm1(np.log1p(-chance) / max(len(problem.units), 1)))
 
     def settle(
         self, problem: Problem, family: Family, *, restarts: bool = True
@@ -66,7 +83,7 @@ class Search:
         one, and would be tested against itself. Terms without a cause come last.
         """
         judge, chosen = plausible(
-            *supported(*(search_with_restarts if restarts else search_and_name)(AttitudeJudge(problem, family)))
+            *supported(*(search_with_restarts if restarts else search_and_name)(self.judge(problem, family)))
         )
         simple = simplified(judge, chosen)
         if simple != chosen:
@@ -90,6 +107,7 @@ def trace(
     temperature: bool = False,
     validate: bool = True,
     unnamed: bool = False,
+    pooled: bool = False,
 ) -> Trace:
     """Find effects missing in the declared attitude model.
 
@@ -100,12 +118,14 @@ def trace(
         temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
         validate: repeat the search without each replication for the left-out error, which takes most of the time.
         unnamed: whether smooth terms without a cause may absorb the remainder, by the same rule.
+        pooled: search with the engine of all kinds (`rig.fitter.trace.engine`), which estimates the errors of every
+            sensor within and between points anew with every candidate; for comparisons until it is the only one.
 
     Raises:
         rig.fitter.linear.RankError: the points do not determine the declared model.
         FitError: the declared model has temperature, and none was recorded or it never changed.
     """
-    search = Search((*catalogue, *UNNAMED) if unnamed else tuple(catalogue), temperature, unnamed)
+    search = Search((*catalogue, *UNNAMED) if unnamed else tuple(catalogue), temperature, unnamed, pooled)
     aside, judge, found, family, not_kept = _without_outliers(data, search, seed)
     problem = judge.problem
     judge.forget()  # the searches of parts, which take most memory, come while least is kept of the whole run
@@ -174,7 +194,7 @@ def _without_outliers(
     for last in (False, False, True):
         kept = data if not aside.size else data.take(np.setdiff1d(np.arange(len(data)), aside))
         problem = search.problem_of(kept)
-        family = family_of(problem, score(problem, ()), seed)
+        family = search.family_of(problem, seed)
         judge, found = search.settle(problem, family)
         found, not_kept = final_check(judge, found)
         again = outliers(data, residual_of(judge.problem, estimate(judge.problem, found), data))[0]

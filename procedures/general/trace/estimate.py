@@ -13,7 +13,6 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.errors import FitError
 from rig.fitter.linear import orthonormal
 from rig.fitter.split_plot import fit_split_plot
-from rig.fitter.trace.engine.beside import Errors, pooled
 from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.shared import Shared
@@ -97,7 +96,7 @@ def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | Non
         if fit is None:
             return None
         plain = fit[1], np.full(columns.shape[1], float(judge.problem.n - columns.shape[1]))
-        return fit[0], *(_beside_shared(judge, chosen, columns, at) or plain)
+        return fit[0], *(_beside_shared(judge, chosen, columns, at, fit[1]) or plain)
 
     left, df = _plain(judge, chosen)
     alone = errors(model) or (*_smallest(model, problem.y), np.full(k, float(df)))
@@ -147,27 +146,23 @@ def of_constants(
 
 
 def _beside_shared(
-    judge: TableJudge, chosen: tuple[int, ...], model: FloatArray, at: int
+    judge: TableJudge, chosen: tuple[int, ...], model: FloatArray, at: int, stderr: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
     """(k + d,) standard errors and degrees of freedom of Kenward and Roger; None but for errors of whole plots.
 
-    Where whole plots differ in their slopes too, or rows in them are alike, those of the parts of the rows: offsets,
-    slopes, and the rest.
+    Where whole plots differ in their slopes too, or rows in them are alike, the standard errors (k + d,) of generalised
+    least squares stay, with no more degrees of freedom than whole plots have: that these errors concern some terms only
+    is not used.
     """
-    noise, sd = judge.problem.noise, judge.problem.sd
-    if isinstance(noise, Components):
-        errors, y = Errors(noise.only(at), sd), judge.white(at, chosen)
-        white = errors.white(model)
-        length, basis = np.linalg.norm(white, axis=0), orthonormal(white)
-        dual = np.linalg.pinv(white / length, rcond=1e-10).T / length
-        variance, df = pooled(errors.shares(dual, y - basis @ (basis.T @ y), basis))
-        return np.sqrt(variance), df
-    if type(noise) is not Shared or np.ptp(sd) > 0.0:
+    noise = judge.problem.noise
+    if not (type(noise) is Shared or isinstance(noise, Components)) or np.ptp(judge.problem.sd) > 0.0:
         return None  # `Both` has a wander too
     try:
         fit = fit_split_plot(model, judge.held(chosen), noise.group, [str(i) for i in range(model.shape[1])])
     except FitError:
         return None
+    if isinstance(noise, Components) and np.any(noise.grid[at, 1:] > 0.0):
+        return stderr, np.full(model.shape[1], min(float(np.min(fit.df)), float(noise.group.max())))
     return fit.kenward_roger().stderr, fit.df
 
 

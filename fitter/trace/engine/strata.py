@@ -1,0 +1,242 @@
+"""Candidates known by their products in strata of independent errors: a search that needs no rows.
+
+A long run of several sensors has thousands of rows and hundreds of candidates, but few strata: of each sensor the means
+of points, and what differs from them. The errors of a stratum are independent and of one variance. So under every
+covariance products are sums of those of strata over their variances, and the best scores by chance can be drawn from
+products too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.engine.family import CERTAIN, FEWEST, TableFamily, Tail, evidence
+from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, draw, summed
+from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.likelihood import Likelihoods, ratio
+from rig.fitter.trace.engine.noise import BoolArray
+from rig.fitter.trace.engine.problem import SPARED
+from rig.fitter.trace.engine.rivalry import Rivalry, Trial
+from rig.fitter.trace.engine.score import NOTHING_LEFT, Scores
+from rig.fitter.trace.signs import SURE
+
+WORK = 2e7
+"""Numbers that a simulation works out, at most: columns of all draws, under every covariance near the best."""
+BEHIND = 12.0
+"""Difference of twice the log-likelihood behind the best, in all draws, from which a covariance is left out."""
+MOST = 1000
+LIKE = 4.0
+"""Ratio of a stratum's variances up to which two covariances give scores about the same distribution by chance."""
+LARGE = 50.0
+"""Variance over scatter beyond which a larger one makes no difference."""
+TRIED = 60
+_TINY = np.finfo(float).tiny
+Single = NDArray[np.float32]
+
+
+EVERY = slice(None)
+
+
+@dataclass(frozen=True, eq=False)
+class StrataJudge(TableJudge):
+    """The same judge of a problem that is known by its products.
+
+    Attributes:
+        open: candidates that may be added.
+        simulated: families, with the logarithms of the strata's weights they are for.
+    """
+
+    problem: InStrata
+    simulated: list[tuple[FloatArray, TableFamily]] = field(default_factory=list)
+    open: BoolArray = field(default_factory=lambda: np.zeros(0, np.bool_))
+
+    def __post_init__(self) -> None:
+        if not len(self.open):
+            object.__setattr__(self, "open", np.ones(len(self.problem.candidates), np.bool_))
+
+    def judged(self, chosen: tuple[int, ...]) -> BoolArray | None:
+        """See `TableJudge`."""
+        return self.open
+
+    def beside(self, chosen: tuple[int, ...], extra: FloatArray | None = None) -> Likelihoods:
+        """See `TableJudge`."""
+        key = tuple(sorted(chosen))
+        if key not in self._besides:
+            problem, picked = self.problem, self.problem.picked(key)
+            rss = problem.weight @ np.array([one.square for one in problem.strata])
+            root = self.rooted(picked, problem.products(picked[:, None], picked, EVERY))
+            rss = rss - np.sum(np.matmul(root, problem.dots(picked, EVERY)[:, :, None])[:, :, 0] ** 2, axis=1)
+            rank = np.sum(np.diagonal(root, axis1=1, axis2=2) > 0.0, axis=1)
+            size = np.where(root > 0.0, root, 1.0)
+            det_x = -2.0 * np.sum(np.log(np.diagonal(size, axis1=1, axis2=2)), axis=1)
+            rss, df = np.maximum(rss, _TINY), np.maximum(problem.n - rank, 1)
+            log_det = problem.noise.log_det
+            reml, ml = -0.5 * (df * np.log(rss) + log_det + det_x), -0.5 * (problem.n * np.log(rss) + log_det)
+            self._besides[key] = Likelihoods(problem.noise, problem.n, reml, ml, rss / df)
+        return self._besides[key]
+
+    def rooted(self, picked: IntArray, products: FloatArray) -> FloatArray:
+        """(..., q, q) rows that make columns orthonormal, each beside those before; zero for one that these replace."""
+        length = np.maximum(self.problem.length[picked], _TINY)
+        return _rooted(products, length)
+
+    def _trial(self, chosen: tuple[int, ...], j: int) -> Trial:
+        key = tuple(sorted(chosen))
+        if (key, j) not in self._trials:
+            self._trials[key, j] = Trial(np.empty(0), self.beside(chosen), self.beside((*chosen, j)))
+        return self._trials[key, j]
+
+    def adjusted(self, chosen: tuple[int, ...], j: int, most: float = np.inf) -> float:
+        """See `TableJudge`; there is one kind of noise."""
+        return self.judge(chosen, j, *self.scored(chosen, j), most)
+
+    def scored(self, chosen: tuple[int, ...], j: int) -> tuple[float, int, int]:
+        """F equivalent to the likelihood ratio of `j` beside those `chosen`, its columns, and degrees of freedom."""
+        trial, every = self._trial(chosen, j), np.ones(len(self.problem.weight), np.bool_)
+        scores = self._scores(trial.beside.best, chosen)
+        rank, df = int(scores.rank[j]), int(scores.df[j])
+        return (ratio(trial.without, trial.beside, (every, every), rank, df) if rank else 0.0), rank, df
+
+    def damped(self, chosen: tuple[int, ...], j: int, factor: FloatArray) -> float:
+        """Share of what `j` explains beside those `chosen` that is left with (L,) smaller weights of strata."""
+        weight, order = self.problem.weight[self._trial(chosen, j).beside.best], (*sorted(chosen), j)
+        columns, width = self.problem.picked(order), len(self.problem.picked((j,)))
+        products = np.stack([one.of(columns[:, None], columns) for one in self.problem.strata])
+        dots = np.stack([one.dots(columns) for one in self.problem.strata])
+        gains = [
+            np.sum((self.rooted(columns, np.tensordot(w, products, 1)) @ (w @ dots))[len(columns) - width :] ** 2)
+            for w in (weight, weight * factor)
+        ]
+        return float(min(gains[1] / max(gains[0], _TINY), 1.0))
+
+    def judge(self, chosen: tuple[int, ...], j: int, f: float, rank: int, df: int, most: float = np.inf) -> float:
+        """Family-wise p of such an F of `j` beside those `chosen`, by the likeliest errors that cost nothing."""
+        if rank == 0 or f <= 0.0:
+            return 1.0
+        assert isinstance(self.problem.noise, OfStrata)
+        free = np.broadcast_to(self.problem.noise.price == 0.0, len(self.problem.weight))
+        own, name = float(evidence(np.array(f), rank, df)), self.candidates[j].effect.name
+        if own > CERTAIN and self.simulated:
+            return self.simulated[0][1].adjust(name, own, most)
+        return self.family(self.beside(chosen).best_of(free)).adjust(name, own, most)
+
+    def _scores(self, at: int, chosen: tuple[int, ...]) -> Scores:
+        return self.everything(at, tuple(sorted(chosen)))[0]
+
+    def _possible(self, at: int, chosen: tuple[int, ...], scores: Scores) -> BoolArray:
+        value, t = self.everything(at, tuple(sorted(chosen)))[1], np.sqrt(np.maximum(scores.ratio, 0.0))
+        small = np.abs(value) * (1.0 - SURE / np.maximum(t, SURE)) <= self.problem.most
+        return np.asarray(small & ~((self.problem.signs * value < 0.0) & (t > SURE)))
+
+    def everything(self, at: int, chosen: tuple[int, ...]) -> tuple[Scores, FloatArray]:
+        """Scores of all candidates beside others under a covariance, and (J,) their coefficients; zero for several."""
+        if (at, chosen) in self._known:
+            return self._known[at, chosen]
+        problem, under, picked = self.problem, np.array([at]), self.problem.picked(chosen)
+        count = len(problem.candidates)
+        root = self.rooted(picked, problem.products(picked[:, None], picked, under)[0])
+        along = root @ problem.dots(picked, under)[0]
+        square = float(problem.weight[at] @ np.array([one.square for one in problem.strata]))
+        rss, taken = square - float(along @ along), int(np.count_nonzero(np.diag(root)))
+        gain, rank, value = np.zeros(count), np.zeros(count, np.int64), np.zeros(count)
+        for (of, columns), blocks in zip(problem.alike, problem.blocks, strict=True):
+            left = np.tensordot(problem.weight[at], blocks, 1)
+            dots = problem.dots(columns.ravel(), under)[0].reshape(columns.shape)
+            if picked.size:
+                across = problem.products(picked[:, None], columns.ravel(), under)[0]
+                beside = (root @ across).reshape(-1, *columns.shape)
+                left = left - np.einsum("puq,pur->uqr", beside, beside)
+                dots = dots - np.einsum("puq,p->uq", beside, along)
+            own = self.rooted(columns, left)
+            gain[of] = np.sum(np.matmul(own, dots[:, :, None])[:, :, 0] ** 2, axis=1)
+            rank[of] = np.sum(np.diagonal(own, axis1=1, axis2=2) > 0.0, axis=1)
+            if columns.shape[1] == 1:
+                value[of] = own[:, 0, 0] ** 2 * dots[:, 0]
+        rank[list(chosen)] = 0
+        df = problem.n - taken - rank
+        can = (rank > 0) & (df >= SPARED) & (rss > 0.0)
+        variance = np.maximum(rss - gain, _TINY) / np.maximum(df, 1)
+        ratio = np.where(can, gain / np.maximum(rank, 1) / variance, 0.0)
+        self._known[at, chosen] = Scores(ratio, np.ones(count), rank, np.where(can, df, 1)), value
+        return self._known[at, chosen]
+
+    @cached_property
+    def _known(self) -> dict[tuple[int, tuple[int, ...]], tuple[Scores, FloatArray]]:
+        return {}
+
+    def family(self, at: int, rival: Rivalry = "any") -> TableFamily:
+        """See `TableJudge`: one that is simulated for about the same variances, if any is."""
+        assert isinstance(self.problem.noise, OfStrata)
+        shape = np.maximum(self.problem.noise.shape[at], -np.log(LARGE))
+        for known, found in self.simulated:
+            if np.max(np.abs(known - shape), initial=0.0) <= np.log(LIKE):
+                return found
+        self.simulated.append((shape, _family(self, at, seed=1 + len(self.simulated))))
+        return self.simulated[-1][1]
+
+    @cached_property
+    def _least(self) -> float | None:
+        return None
+
+
+def _rooted(products: FloatArray, length: FloatArray) -> FloatArray:
+    """(..., q, q) rows of Gram and Schmidt from products of columns of some `length` (..., q)."""
+    q, least = products.shape[-1], NOTHING_LEFT**2
+    out = np.zeros_like(products)
+    for k in range(q):
+        row = np.zeros(products.shape[:-1])
+        row[..., k] = 1.0
+        if k:
+            along = np.einsum("...pq,...q->...p", out[..., :k, :], products[..., :, k])
+            row = row - np.einsum("...p,...pq->...q", along, out[..., :k, :])
+        left = np.einsum("...p,...pq,...q->...", row, products, row) if k else products[..., 0, 0]
+        kept = left > least * length[..., k] ** 2
+        out[..., k, :] = row * np.where(kept, 1.0 / np.sqrt(np.where(kept, left, 1.0)), 0.0)[..., None]
+    return out
+
+
+def _family(judge: StrataJudge, at: int, seed: int) -> TableFamily:
+    """Scores of candidates in runs drawn with the errors of covariance `at` only."""
+    problem, rng = judge.problem, np.random.default_rng(seed)
+    width, n = int(problem.start[-1]), problem.n
+    near = _near(problem, np.stack([one.squares for one in draw(problem, at, rng, TRIED)]), at)
+    count = int(np.clip(WORK / max(width * len(near), 1), FEWEST, MOST))
+    drawn = draw(problem, at, rng, count)
+    total = problem.weight[near] @ np.stack([one.squares for one in drawn])
+    deviance = n * np.log(np.maximum(total, _TINY)) + problem.noise.log_det[near, None]
+    size = np.exp((deviance - deviance[0]) / n)
+    joined = np.full((len(problem.candidates), count), np.inf, np.float32)
+    for g, own, whole in zip(near.tolist(), size, total, strict=True):
+        sums = summed(problem, drawn, problem.weight[g])
+        sums /= np.sqrt(whole).astype(np.float32)
+        for (of, columns), blocks in zip(problem.alike, problem.blocks, strict=True):
+            products = np.tensordot(problem.weight[g], blocks, 1)
+            along = np.matmul(judge.rooted(columns, products).astype(np.float32), sums[columns])
+            after = np.maximum(1.0 - np.sum(along**2, axis=1), np.float32(1e-6)) * own.astype(np.float32)
+            joined[of] = np.minimum(joined[of], after)
+    rank = judge.everything(at, ())[0].rank
+    ratio = np.maximum(size.min(axis=0).astype(np.float32) / joined, np.float32(1e-30)) - 1.0
+    tails, smallest = dict[str, Tail](), np.ones(count)
+    for name, every in problem.named.items():
+        score = np.full(count, -np.inf)
+        for r in set(rank[every].tolist()) - {0}:
+            best = ratio[every[rank[every] == r]].max(axis=0).astype(np.float64) * (n - r) / r
+            score = np.maximum(score, evidence(best, r, n - r))
+        if np.all(np.isfinite(score)):
+            tails[name] = Tail(np.sort(score), 1.0)
+            smallest = np.minimum(smallest, tails[name].p(score))
+    return TableFamily(tails, smallest, problem.sensors)
+
+
+def _near(problem: InStrata, squares: FloatArray, at: int) -> IntArray:
+    """Covariances that are near the best in any of some draws, that of the draws first."""
+    total = problem.weight @ squares
+    deviance = problem.n * np.log(np.maximum(total, _TINY)) + problem.noise.log_det[:, None]
+    behind = np.min(deviance - deviance.min(axis=0), axis=1)
+    kept = np.flatnonzero(behind < BEHIND)
+    return np.concatenate([[at], kept[kept != at]])

@@ -1,0 +1,215 @@
+"""The strata of an attitude run for the engine: of each sensor readings within points, means of points, and changes of
+replications' own parameters of the declared model.
+
+Scatter of readings gives all of them one variance. Means of points may have more of it, lack of fit; offsets and
+sensitivities of replications too, if they differ by chance or walk from one replication to the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, Stratum
+from rig.fitter.trace.engine.noise import BoolArray
+from rig.fitter.trace.engine.problem import Candidate
+from rig.fitter.trace.engine.term import Profile, TableTerm
+from rig.procedures.attitude.trace.levels import Level
+from rig.procedures.attitude.trace.limits import limits
+from rig.procedures.attitude.trace.problem import Problem
+
+LACK_OF_FIT = tuple(np.geomspace(0.3, 1e4, 19).tolist())
+"""Variance of the mean of a point beyond that by scatter, over that by scatter."""
+APART = tuple(np.geomspace(0.3, 1e4, 19).tolist())
+"""The same of replications' own parameters that differ by chance."""
+WALKS = tuple(np.geomspace(0.1, 2e3, 18).tolist())
+"""The same of the steps, if they walk from one replication to the next."""
+NEAR, COARSE = 2, 3
+"""Options next to that of the middle that are tried, and of all others one in so many."""
+ALONE = 6.0
+"""Price, in the logarithm of the likelihood, of one sensor's parameters that differ between replications otherwise than
+those of the others.
+"""
+PARAMETER = "parameter"
+"""Components of replications' own parameters: sensors have them alike, but for that price."""
+
+Middle = tuple[int, ...]
+"""For each component, which of its options; the first is none."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """A possible variance beyond scatter.
+
+    Attributes:
+        kind: which others are alike in other sensors.
+        strata: (l,) that it is in.
+        options: (o, l) factors of their weights; the first ones are one.
+    """
+
+    kind: str
+    strata: IntArray
+    options: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class InRun:
+    """A run for the engine.
+
+    Attributes:
+        problem: the units, whose strata have no weights yet.
+        of: (L,) sensor of each stratum.
+        between: (L,) whether it is between replications.
+        components: of the variance.
+        length: (S, D) lengths of the columns.
+    """
+
+    problem: InStrata
+    of: IntArray
+    between: BoolArray
+    components: tuple[Component, ...]
+    length: FloatArray
+
+    @property
+    def none(self) -> Middle:
+        """No component."""
+        return (0,) * len(self.components)
+
+
+def in_run(problem: Problem, signs: FloatArray) -> InRun:
+    """A run for the engine, a candidate of which is a unit.
+
+    Args:
+        problem: the run.
+        signs: (J,) of the coefficients.
+    """
+    columns = np.array([j for unit in problem.units for j in unit], np.int64)
+    strata, of, between, components = list[Stratum](), list[int](), list[bool](), list[Component]()
+    for i in range(len(problem.sensors)):
+        own = np.flatnonzero(np.isin(columns, problem.concerned[i]))
+        for apart, same in (
+            (False, _between_points(problem, i, columns, own)),
+            (True, _between_replications(problem, i, columns, own)),
+        ):
+            for kind, options, some in same:
+                if len(options) > 1:
+                    components.append(Component(kind, len(strata) + np.arange(len(some)), options))
+                strata += some
+                of += [i] * len(some)
+                between += [apart] * len(some)
+    none = np.empty(0)
+    found = InStrata(
+        y=none,
+        declared=np.empty((0, 0)),
+        candidates=_candidates(problem, signs),
+        noise=OfStrata(0, weight=np.ones((1, len(strata))), df=np.array([one.df for one in strata])),
+        sd=none,
+        ordered=False,
+        strata=tuple(strata),
+        length=np.empty(len(columns)),
+    )
+    return InRun(found, np.array(of), np.array(between, np.bool_), tuple(components), problem.length[:, columns])
+
+
+def around(run: InRun, sigma: FloatArray, middle: Middle) -> tuple[InStrata, list[Middle]]:
+    """The run with covariances that differ from a middle one in one component, or in all of one kind, and these.
+
+    The first one has none.
+
+    Args:
+        run: the run.
+        sigma: (S,) standard deviation of a reading.
+        middle: the middle one.
+    """
+    grid = {run.none: None, middle: None}
+    for k, one in enumerate(run.components):
+        alike = [i for i, other in enumerate(run.components) if other.kind == one.kind]
+        for option in (o for o in range(len(one.options)) if abs(o - middle[k]) <= NEAR or o % COARSE == 0):
+            grid[tuple(option if i == k else at for i, at in enumerate(middle))] = None
+            grid[tuple(option if i in alike else at for i, at in enumerate(middle))] = None
+    every = list(grid)
+    each = np.array(every, np.int64).reshape(len(every), -1)
+    weight, shape = np.tile(sigma[run.of] ** -2.0, (len(every), 1)), np.zeros(each.shape)
+    for k, one in enumerate(run.components):
+        weight[:, one.strata] *= one.options[each[:, k]]
+        shape[:, k] = np.log(one.options).mean(axis=1)[each[:, k]]
+    noise = run.problem.noise
+    assert isinstance(noise, OfStrata)
+    length, price = np.sqrt(np.sum((run.length / sigma[:, None]) ** 2, axis=0)), _price(run, each)
+    return run.problem.under(replace(noise, weight=weight, price=price, shape=shape), length), every
+
+
+def _price(run: InRun, each: IntArray) -> FloatArray:
+    """(G,) in nats, of what sensors have not alike in covariances (G, C)."""
+    kinds, out = np.array([one.kind for one in run.components]), np.zeros(len(each))
+    for kind in np.unique(kinds[np.char.startswith(kinds, PARAMETER)] if len(kinds) else kinds):
+        own = each[:, kinds == kind]
+        alike = np.sum(own[:, :, None] == own[:, None], axis=2).max(axis=1)
+        out += ALONE * (own.shape[1] - alike)
+    return out
+
+
+Kind = tuple[str, FloatArray, list[Stratum]]
+"""Name of a component, its options, and its strata."""
+_SCATTER = "scatter", np.ones((1, 1))
+
+
+def _between_points(problem: Problem, i: int, columns: IntArray, own: IntArray) -> Iterator[Kind]:
+    both, within = (_stratum(problem, level, i, columns, own) for level in ("replications", "points"))
+    if within.df <= 0 or both.df <= within.df:
+        yield *_SCATTER, [both]
+        return
+    assert both.columns is not None
+    assert within.columns is not None
+    rest = Stratum(
+        own,
+        both.response - within.response,
+        max(both.square - within.square, 0.0),
+        both.df - within.df,
+        both.columns - within.columns,
+    )
+    yield *_SCATTER, [within]
+    yield "lack of fit", 1.0 / (1.0 + np.array([[0.0], *([one] for one in LACK_OF_FIT)])), [rest]
+
+
+def _stratum(problem: Problem, level: Level, i: int, columns: IntArray, own: IntArray) -> Stratum:
+    """Products of one sensor at a level."""
+    known, df = problem.products[level], float(problem.levels.df(level))
+    place = known.place[i][columns[own]]
+    gram = np.asarray(known.own[i][place[:, None], place])
+    return Stratum(own, known.outputs[i, columns[own]], float(known.square[i]), df, gram)
+
+
+def _between_replications(problem: Problem, i: int, columns: IntArray, own: IntArray) -> Iterator[Kind]:
+    """Changes of each parameter in contrasts that a walk leaves independent."""
+    count = len(problem.own)
+    if count < 2:
+        return
+    contrasts = np.linalg.qr(np.column_stack([np.ones(count), np.eye(count)[:, 1:]]))[0][:, 1:].T
+    ahead = np.arange(1.0, count + 1)
+    variance, vectors = np.linalg.eigh(contrasts @ np.minimum.outer(ahead, ahead) @ contrasts.T)
+    turned = vectors.T @ contrasts
+    x = np.tensordot(turned, problem.own[:, i][..., columns[own]], 1)
+    y = turned @ problem.own_outputs[:, i]
+    more = [0.0 * variance, *(one + 0.0 * variance for one in APART), *(one * variance for one in WALKS)]
+    options = 1.0 / (1.0 + np.array(more))
+    for k in range(x.shape[1]):
+        strata = [Stratum.of_rows(own, x[c, k : k + 1], y[c, k : k + 1]) for c in range(count - 1)]
+        yield f"{PARAMETER} {k}", options, strata
+
+
+def _candidates(problem: Problem, signs: FloatArray) -> tuple[Candidate, ...]:
+    most, out = limits(problem, range(len(problem.candidates))), list[Candidate]()
+    for u, unit in enumerate(problem.units):
+        one, single = problem.candidates[unit[0]], len(unit) == 1
+        labels = tuple(problem.candidates[j].term.name for j in unit)
+        term = TableTerm(labels, np.empty((0, len(unit))))
+        if one.effect.searched:  # its values are those of the catalogue: none is between two of them
+            profile = Profile(float(u), float(u), float(u), lambda _, alone=term: alone)  # type: ignore[misc]
+            term = replace(term, profile=profile)
+        sign, size = (int(signs[unit[0]]), float(most[unit[0]])) if single else (0, np.inf)
+        out.append(Candidate(one.effect, term, one.sensor, sign, size))
+    return tuple(out)

@@ -1,0 +1,110 @@
+"""The engine on products of strata: the same likelihoods as from rows; attitude runs searched by it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from proving.truth.attitude import D1, simulate
+from proving.truth.attitude_hidden import CLEAN, HIDDEN, sized
+from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, Stratum
+from rig.fitter.trace.engine.problem import Candidate
+from rig.fitter.trace.engine.strata import StrataJudge
+from rig.fitter.trace.engine.term import TableTerm
+from rig.procedures.attitude.trace import trace
+
+POINTS, VISITS, WIDTHS = 12, 4, (1, 2, 1, 1)
+RATIOS = np.array([0.0, 1.0, 6.0])
+"""Variance of a point's mean beyond scatter, over that by scatter."""
+PLAN = D1(90.0, 13, 9, replications=4)
+
+
+def made(seed=1):
+    """Rows of points that are visited again, and the same as strata within and between points."""
+    rng = np.random.default_rng(seed)
+    point, width = np.repeat(np.arange(POINTS), VISITS), sum(WIDTHS)
+    y, columns = rng.standard_normal(point.size), rng.standard_normal((point.size, width))
+    columns[:, 0] = np.linspace(-1.0, 1.0, POINTS)[point]
+    y = y + 1.5 * columns[:, 3]
+    means = (point[:, None] == np.arange(POINTS)) / np.sqrt(VISITS)
+    own = np.arange(width)
+    between = Stratum.of_rows(own, means.T @ columns, means.T @ y)
+    left, rest = columns - means @ (means.T @ columns), y - means @ (means.T @ y)
+    within = Stratum(own, left.T @ rest, float(rest @ rest), float(point.size - POINTS), left.T @ left)
+    weight = np.column_stack([np.ones(3), 1.0 / (1.0 + RATIOS)])
+    effects = [SimpleNamespace(name=f"effect {k}", source="setting") for k in range(len(WIDTHS))]
+    none = np.empty(0)
+    problem = InStrata(
+        y=none,
+        declared=np.empty((0, 0)),
+        candidates=tuple(
+            Candidate(e, TableTerm((e.name,), np.empty((0, w)))) for e, w in zip(effects, WIDTHS, strict=True)
+        ),
+        noise=OfStrata(
+            0, weight=weight, df=np.array([within.df, between.df]), shape=np.log1p(RATIOS)[:, None], price=np.zeros(3)
+        ),
+        sd=none,
+        ordered=False,
+        strata=(within, between),
+        length=np.linalg.norm(columns, axis=0),
+    )
+    return y, columns, means, StrataJudge(problem)
+
+
+@pytest.mark.parametrize("chosen", [(), (2,), (1, 2), (0, 1, 3)])
+def test_likelihoods_are_those_of_the_rows(chosen):
+    y, columns, means, judge = made()
+    picked = judge.problem.picked(chosen)
+    for g, ratio in enumerate(RATIOS):
+        covariance = np.eye(len(y)) + ratio * means @ means.T
+        white = np.linalg.inv(np.linalg.cholesky(covariance))
+        x, left = white @ columns[:, picked], white @ y
+        rss = float(np.sum((left - x @ np.linalg.lstsq(x, left, rcond=None)[0]) ** 2)) if chosen else float(left @ left)
+        n, log_det = len(y), np.linalg.slogdet(covariance)[1]
+        assert judge.beside(chosen).ml[g] == pytest.approx(-0.5 * (n * np.log(rss) + log_det), rel=1e-10)
+        det_x = np.linalg.slogdet(x.T @ x)[1] if chosen else 0.0
+        reml = -0.5 * ((n - len(picked)) * np.log(rss) + log_det + det_x)
+        assert judge.beside(chosen).reml[g] == pytest.approx(reml, rel=1e-10)
+
+
+def test_what_is_there_is_found_and_nothing_else():
+    judge = made()[3]
+    assert judge.best(()) == (2,)
+    assert judge.best((2,)) == ()
+
+
+def test_few_draws_find_something_where_nothing_is():
+    found = 0
+    for seed in range(40):
+        judge = made(seed)[3]
+        found += bool(judge.best((2,)))
+    assert found <= 5
+
+
+def hidden(name, rms, seed):
+    return simulate(sized(name, rms, PLAN), PLAN, seed, **HIDDEN[name].options)[0]
+
+
+def test_a_cause_has_the_same_name_by_both():
+    data = hidden("cube", 0.5, 3)
+    by_levels, pooled = (trace(data, validate=False, pooled=p).sensors["x_V"] for p in (False, True))
+    assert [e.effect for e in by_levels.effects] == [e.effect for e in pooled.effects] == [HIDDEN["cube"].effect]
+    assert by_levels.verdict == pooled.verdict
+
+
+def test_what_changes_from_one_replication_to_the_next_is_told_by_all_that_is_known_of_it():
+    """An alignment that follows temperature, at a fifth of a reading's scatter."""
+    data = hidden("alignment, temperature", 0.2, 4002)
+    by_levels, pooled = (trace(data, validate=False, pooled=p).sensors["x_V"] for p in (False, True))
+    assert not by_levels.effects
+    assert [e.effect for e in pooled.effects] == ["alignment-temperature"]
+
+
+def test_nothing_is_named_in_a_run_without_effects():
+    found = trace(simulate(CLEAN, PLAN, 5)[0], validate=False, pooled=True)
+    assert not any(one.effects for one in found.sensors.values())
+
+
+def test_replications_left_out_are_searched_with_what_is_simulated():
+    found = trace(hidden("cube", 1.0, 3), pooled=True).sensors["x_V"]
+    assert found.cv_rms_after < 0.9 * found.cv_rms_before
