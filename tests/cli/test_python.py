@@ -356,8 +356,8 @@ def test_a_plan_is_what_the_command_prints(tmp_path, monkeypatch):
 PUBLIC = {
     "budget": "(run: 'str | Path', *, equipment: 'str | Path | None' = None, at: 'Sequence[Mapping[str, float]]' = (), "
     "same_meter: 'bool' = False, probability: 'float' = 0.95, trials: 'int | None' = None, seed: 'int' = 1, each: "
-    "'Callable[[], None] | None' = None, shapes: 'bool' = False, after_days: 'float | None' = None, **options: 'Any') "
-    "-> 'Budget'",
+    "'Callable[[], None] | None' = None, shapes: 'bool' = False, after_days: 'float | None' = None, confirmed_by: 'str "
+    "| Path | Iterable[str | Path]' = (), **options: 'Any') -> 'Budget'",
     "chart": "(calibrations: 'Sequence[str | Path | Data]', *, tolerance: 'float | None' = None, usage: 'float | None' "
     "= None, sensors: 'Sequence[str]' = (), formula: 'str | None' = None, today: 'str | date | None' = None) -> "
     "'ControlChart'",
