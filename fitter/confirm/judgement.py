@@ -34,7 +34,7 @@ settings for steps and readings for moments, so a run of another order or other 
 
 
 APART = 1.7
-"""Half-widths of a 95 % interval by which two runs' sizes of one effect differ: 3.3 standard errors, as by `CHANGED`."""
+"""Half-widths of a 95 % interval by which two runs' sizes differ: 3.3 standard errors, as by `CHANGED`."""
 Returns = Literal["shown", "other size", "absent", "unknown"]
 """Answers of a run about an effect of another."""
 
@@ -97,7 +97,7 @@ class Member:
 
     @property
     def returns(self) -> Returns:
-        """Answer of the later run by itself about the effect of the first: nothing joins the days, no level and no drift.
+        """Answer of the later run by itself about the effect of the first: nothing joins the days.
 
         "shown" with the same size, "other size"; "absent" where its interval contains zero, and the size of the first
         run is far outside; "unknown" where it contains both, or has no end, as with a searched constant.

@@ -61,9 +61,10 @@ def search(judge: S, start: tuple[int, ...] = ()) -> tuple[S, tuple[int, ...]]:
         if not best:
             break
         judge = judge.refined((*chosen, *best))
-        chosen = prune(judge, (*chosen, *best))
-        if frozenset(chosen) in seen:
-            break
+        now = prune(judge, (*chosen, *best))
+        if frozenset(now) in seen:
+            break  # the last model stays: which rows are isolated depends on it, and a gross error could hide it again
+        chosen = now
         seen.add(frozenset(chosen))
     return judge, chosen
 

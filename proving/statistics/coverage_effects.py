@@ -181,7 +181,8 @@ def _budget(evaluation: Evaluation) -> RunBudget:
     results = evaluation.results
     type_a = (results.type_a, *influences(evaluation, Statements(), same_meter=False).grouped)
     made = budgets(results.names, results.units, results.values, type_a, ())
-    return RunBudget(cast("Any", SimpleNamespace()), evaluation, made, results.sensors, type_a, (), ())
+    run = SimpleNamespace(table=Table("a study", {}, simulated=True, provenance={}))
+    return RunBudget(cast("Any", run), evaluation, made, results.sensors, type_a, (), ())
 
 
 def _stated(one: Budgeted, true: float, rng: np.random.Generator) -> tuple[float, bool]:

@@ -102,10 +102,11 @@ def _ratio(seed: int, name: str, rows: int) -> Result:
     truth = (3.0 + 2.0 * columns["x"] + effect)[order]
     told = np.column_stack([data.columns, _column(missing, columns, effect)[order]])
     best = told @ np.linalg.lstsq(told, data.y, rcond=None)[0]
-    fitted = estimate(result.judge, result.chosen).fitted
+    judge, chosen = result.judge, result.chosen
+    fitted = estimate(judge, chosen).fitted
     return {
         "ratio": float(np.sqrt(np.mean((fitted - truth) ** 2) / np.mean((best - truth) ** 2))),
-        "rose": error_of(result.judge, result.chosen) > error_of(result.judge, ()),
+        "rose": error_of(judge, chosen, chosen) > error_of(judge, (), chosen),
     }
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rig.fitter.split_plot import SplitPlotDesign
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.split_plot import SplitPlotDesign
@@ -86,9 +87,10 @@ def _whole_plots(path: Path, made: Made) -> Rows:
     problem = pose_pressure(data, names, declared, scene_of(data), PRESSURE_CATALOGUE)
     kept = [j for j, c in enumerate(problem.candidates) if c.effect.stratum != "noise"]
     outputs, columns = [], []
+    ratio = SplitPlotDesign(declared, data.whole_plot, names).fit_many(problem.outputs.T).ratio
     for i in range(len(problem.sensors)):
         block = np.column_stack([problem.outputs[i], problem.raw[i][:, kept]])
-        left = _whitened(block, declared, data.whole_plot_index, float(problem.ratio[i]))
+        left = _whitened(block, declared, data.whole_plot_index, float(ratio[i]))
         outputs.append(left[:, 0])
         columns.append(left[:, 1:])
     begun = np.array([data.elapsed_s[data.whole_plot_index == w].min() for w in range(data.whole_plot_index.max() + 1)])

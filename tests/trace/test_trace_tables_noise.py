@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import fdtrc
 
+from proving.statistics.tables import found_or_alike
 from proving.truth.table import MISSING, Lab, options, simulate
 from rig.fitter.trace.engine import both
 from rig.fitter.trace.engine.both import STEPS, WANDERS, Both
@@ -18,7 +19,7 @@ from rig.fitter.trace.engine.score import View, score
 from rig.fitter.trace.engine.shared import RATIOS, Shared
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.effects.scene import TableScene
-from rig.procedures.general.trace import search_table
+from rig.procedures.general.trace import search_table, trace_general
 from rig.procedures.general.trace.candidates import candidates_of
 from rig.procedures.tables.table import Table
 
@@ -158,3 +159,33 @@ def test_what_changes_with_a_clock_is_named_although_a_wander_could_do_it(name):
         result = search_table(data)
         names = {result.judge.candidates[j].effect.name for j in result.chosen}
         assert names == {f"{name}:t_s"}, seed
+
+
+@pytest.mark.parametrize("order", ["rising", "random"])
+@pytest.mark.parametrize("off", [1.0, 4.0])
+def test_a_curve_beside_a_gross_error_is_found(order, off):
+    """Fifty or two hundred standard deviations of a row: the curve has four, rms."""
+    hits, names = 0, []
+    for seed in range(3):
+        rng = np.random.default_rng([205, seed])
+        x = np.linspace(0.0, 10.0, 40)
+        x = x if order == "rising" else rng.permutation(x)
+        y = 1.0 + 2.0 * x + 0.01 * (x - 5.0) ** 2 + 0.02 * rng.standard_normal(40)
+        y[rng.integers(6, 34)] += off
+        names.append(list(found_or_alike({"x": x, "y": y}, {"response": "y", "formula": "1 + x"})))
+        hits += names[-1] in (["second-order:x"], ["saturation:x"])
+    assert hits == 3, names
+
+
+def test_a_gross_error_does_not_hide_what_an_effect_takes_away():
+    """The standard error of a row falls to that of the readings: a row that stands alone counts as three of them."""
+    rng = np.random.default_rng(206)
+    x = rng.permutation(np.linspace(0.0, 10.0, 80))
+    y = 1.0 + 2.0 * x + 0.01 * (x - 5.0) ** 2 + 0.02 * rng.standard_normal(80)
+    y[20] += 4.0
+    table = Table("simulated", {"x": x, "y": y}, True, {})
+    traced = trace_general(roles_of(table, Roles(response="y", formula="1 + x"))[0])
+    assert traced.verdict == "explained"
+    assert 0.018 < traced.after.fit.sigma_E < 0.024
+    assert 0.05 < traced.before.fit.sigma_E < 0.1
+    assert traced.after.cv_rms < 0.03

@@ -18,7 +18,7 @@ from rig.fitter.trace.engine.noise import BoolArray
 from rig.fitter.trace.engine.problem import Candidate, Problem
 from rig.fitter.trace.engine.rivalry import Rivalry, Trial, possible, possible_of
 from rig.fitter.trace.engine.rivals import rivals
-from rig.fitter.trace.engine.robust import excess
+from rig.fitter.trace.engine.robust import isolated
 from rig.fitter.trace.engine.score import Scores, View, ranked, score
 
 SHORTLIST = 8
@@ -240,9 +240,8 @@ class TableJudge:
         """(n,) reduction of isolated outliers beside those of a `key`."""
         if key not in self._off:
             (view, some), own = self._of_some(0, key), self.problem
-            taken = view.taken(some)
-            left = view.y - taken @ (taken.T @ view.y)
-            self._off[key] = excess(left, ordered=own.ordered, step=own.step, near=lambda: own.near) * own.sd
+            off = isolated(view.y, view.taken(some), ordered=own.ordered, step=own.step, near=lambda: own.near)
+            self._off[key] = off * own.sd
         return self._off[key]
 
     def white(self, at: int, chosen: tuple[int, ...]) -> FloatArray:

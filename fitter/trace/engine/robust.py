@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.resolution import least_robust_sd, robust_sd
@@ -20,6 +21,30 @@ NEIGHBOURS = 3
 deviate.
 """
 FEWEST = 15
+AGAIN, SAME = 6, 0.02
+"""Fits of a model to rows that are reduced beside the last fit, and the relative change that is none."""
+
+
+def isolated(
+    y: FloatArray,
+    basis: FloatArray,
+    *,
+    ordered: bool,
+    step: FloatArray | float,
+    near: Callable[[], IntArray | None],
+) -> FloatArray:
+    """(n,) reduction of isolated outliers of a response (n,) beside the orthonormal columns (n, k) of a model.
+
+    Least squares turn towards a gross error, and what it pulls aside looks isolated, or hides it: the model is fitted
+    again to the reduced response. Arguments as for `excess`.
+    """
+    off = np.zeros_like(y)
+    for _ in range(AGAIN):
+        before, left = off, y - basis @ (basis.T @ (y - off))
+        off = excess(left, ordered=ordered, step=step, near=near)
+        if np.allclose(off, before, rtol=SAME, atol=0.0):
+            break
+    return off
 
 
 def excess(
@@ -43,12 +68,25 @@ def excess(
         return off
     if ordered and len(left) > 4 * NEIGHBOURS:
         local, _ = _beyond(left - running_median(left), step)
-        off = np.where(np.abs(local) < np.abs(off), local, off)
+        off = np.where(_by_neighbours(np.abs(local), np.abs(off)), local, off)
     around = near()
     if around is not None:
         rows = np.flatnonzero(off)
         off[rows[np.abs(left[rows] - np.median(left[around[rows]], axis=1)) <= limit]] = 0.0
     return off
+
+
+def _by_neighbours(local: FloatArray, off: FloatArray) -> NDArray[np.bool_]:
+    """(n,) whether the reduction of a row beside its neighbours holds, by its size and by that beside the model.
+
+    The larger of two, where the row is isolated by both: a missing effect widens the scale of the residuals, and a
+    gross error that is reduced to that alone would hide it. At the ends the smaller one: a bend there has neighbours on
+    one side only.
+    """
+    smaller = local < off
+    inside = slice(NEIGHBOURS, len(off) - NEIGHBOURS)
+    smaller[inside] = (local[inside] == 0.0) | ((off[inside] > 0.0) & (local[inside] > off[inside]))
+    return smaller
 
 
 def scale(left: FloatArray, step: FloatArray | float = 0.0) -> float:
@@ -57,7 +95,13 @@ def scale(left: FloatArray, step: FloatArray | float = 0.0) -> float:
 
 
 def _at_least(left: FloatArray, sd: float) -> float:
-    return float(max(sd, 0.2 * np.sqrt(np.mean(left**2))))
+    """At least a fifth of the rms of the residuals (n,), as they are reduced: a gross error does not widen its own."""
+    least, before = 0.2 * float(np.sqrt(np.mean(left**2))), np.inf
+    while sd < least < 0.99 * before:
+        before = least
+        reduced = np.clip(left, -HELD * least, HELD * least)
+        least = 0.2 * float(np.sqrt(np.mean(reduced**2)))
+    return max(sd, least)
 
 
 def _limit(n: int) -> float:

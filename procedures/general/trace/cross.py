@@ -55,6 +55,7 @@ def left_out(
     rival: Rivalry = "fast" if np.any(slow) and not slow[at] else "any"
     families: dict[tuple[int, Rivalry], TableFamily] = {(0, "any"): judge.family(at, rival)}
     errors, counted = np.zeros((2, problem.n)), fold >= 0
+    counts = judge.held(chosen)  # an isolated row counts as three sd here, too
     for one in range(int(fold.max()) + 1):
         kept, out = np.flatnonzero(fold != one), np.flatnonzero(fold == one)
         if len(kept) - orthonormal(problem.declared[kept]).shape[1] < FEWEST_SPARE:
@@ -65,7 +66,7 @@ def left_out(
         whole = tuple(_whole(problem.candidates[j], c) for j, c in zip(found, fitted.candidates, strict=True))
         moved, last = replace(problem, candidates=whole), TableJudge(fitted)
         for i, terms in enumerate(((), tuple(range(len(found))))):
-            errors[i, out] = problem.y[out] - moved.model(terms)[out] @ estimate(last, terms).coefficients
+            errors[i, out] = counts[out] - moved.model(terms)[out] @ estimate(last, terms).coefficients
         counted[out] = ~_undetermined(moved, kept)[out]
     if not np.any(counted):
         return None

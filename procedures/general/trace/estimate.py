@@ -69,7 +69,9 @@ class Estimate:
     constants: Mapping[int, tuple[Constant, ...]]
 
 
-def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | None = None) -> Estimate:
+def estimate(
+    judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | None = None, beside: tuple[int, ...] | None = None
+) -> Estimate:
     """Fit the declared columns and those of the `chosen` candidates to all rows.
 
     Coefficients are generalised least squares with the estimated noise; isolated outliers are reduced to three standard
@@ -81,6 +83,7 @@ def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | Non
         judge: of the table.
         chosen: candidates in the model.
         tails: (n, k) rounding errors of the doubles in the declared columns.
+        beside: candidates beside which a row is isolated for the standard error of a row; those chosen by default.
     """
     problem, at = judge.problem, judge.beside(chosen).best
     model = problem.model(chosen)
@@ -98,7 +101,7 @@ def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | Non
         plain = fit[1], np.full(columns.shape[1], float(judge.problem.n - columns.shape[1]))
         return fit[0], *(_beside_shared(judge, chosen, columns, at, fit[1]) or plain)
 
-    left, df = _plain(judge, chosen)
+    left, df = _plain(judge, chosen, problem.y)
     alone = errors(model) or (*_smallest(model, problem.y), np.full(k, float(df)))
     slopes, taken, found = of_constants(judge, chosen, alone[0][problem.declared.shape[1] :])
     with_them = errors(np.hstack([model, slopes])) if slopes.shape[1] else alone
@@ -110,7 +113,7 @@ def estimate(judge: TableJudge, chosen: tuple[int, ...], tails: FloatArray | Non
     constants: dict[int, tuple[Constant, ...]] = {}
     for (j, profile, length), error, its_df in zip(found, stderr[k:].tolist(), dfs[k:].tolist(), strict=True):
         constants[j] = (*constants.get(j, ()), Constant(profile.what, profile.value, error / length, its_df))
-    sigma_E = _sigma(left, df)
+    sigma_E = error_of(judge, chosen, chosen if beside is None else beside)
     stderr, dfs = stderr[:k], dfs[:k]
     return Estimate(chosen, at, coefficients, stderr, given, taken, dfs, fitted, left, sigma_E, df, constants)
 
@@ -166,9 +169,13 @@ def _beside_shared(
     return fit.kenward_roger().stderr, fit.df
 
 
-def error_of(judge: TableJudge, chosen: tuple[int, ...]) -> float:
-    """Standard error of one row beside the `chosen` candidates, as in `Estimate`."""
-    left, df = _plain(judge, chosen)
+def error_of(judge: TableJudge, chosen: tuple[int, ...], beside: tuple[int, ...]) -> float:
+    """Standard error of one row beside the `chosen` candidates, as in `Estimate`.
+
+    Rows that are isolated beside candidates count as three sd, with and without an effect as far beside the same: a
+    gross error would hide what an effect takes away.
+    """
+    left, df = _plain(judge, chosen, judge.held(beside))
     return _sigma(left, df)
 
 
@@ -184,9 +191,13 @@ def strata_of(judge: TableJudge, chosen: tuple[int, ...], shared: IntArray | Non
     return fit.sigma_subplot, fit.sigma_wholeplot
 
 
-def stated(judge: TableJudge, chosen: tuple[int, ...], shared: IntArray | None) -> tuple[FloatArray, FloatArray]:
-    """(1,) error that a trace states, of a row and of all strata, and (1,) sum of squares of residuals."""
-    left, df = _plain(judge, chosen)
+def stated(
+    judge: TableJudge, chosen: tuple[int, ...], shared: IntArray | None, beside: tuple[int, ...]
+) -> tuple[FloatArray, FloatArray]:
+    """(1,) error that a trace states, of a row and of all strata, and (1,) sum of squares of residuals; `beside` as for
+    `error_of`.
+    """
+    left, df = _plain(judge, chosen, judge.held(beside))
     parts = (_sigma(left, df), *(strata_of(judge, chosen, shared) or ()))
     return np.array([float(np.linalg.norm(parts))]), np.array([float(left @ left)])
 
@@ -195,10 +206,10 @@ def _sigma(left: FloatArray, df: int) -> float:
     return float(np.sqrt(left @ left / df)) if df > 0 else float("nan")
 
 
-def _plain(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, int]:
-    """(n,) residuals of ordinary least squares, and their degrees of freedom."""
+def _plain(judge: TableJudge, chosen: tuple[int, ...], y: FloatArray) -> tuple[FloatArray, int]:
+    """(n,) residuals of a response (n,) by ordinary least squares, and their degrees of freedom."""
     basis = orthonormal(judge.problem.model(chosen))
-    return judge.problem.y - basis @ (basis.T @ judge.problem.y), judge.problem.n - basis.shape[1]
+    return y - basis @ (basis.T @ y), judge.problem.n - basis.shape[1]
 
 
 def _solved(model: FloatArray, y: FloatArray, tails: FloatArray | None) -> tuple[FloatArray, FloatArray] | None:

@@ -210,7 +210,7 @@ def _found_by_fit(judge: TableJudge, looked: Searched) -> FoundTableEffect | Non
 
 def _rounded(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> FoundTableEffect | None:
     """Rounding as a large part of the scatter: read off the digits, so that nothing about it is by chance."""
-    step, error = resolution(data.y), error_of(judge, chosen)
+    step, error = resolution(data.y), error_of(judge, chosen, chosen)
     if not least_sd(step) > COARSE * error:
         return None
     return _finding(
@@ -229,7 +229,7 @@ def _rounded(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Fou
 
 def _by_hand(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> FoundTableEffect | None:
     """Coarse rounding of the rows of one level of a group: of one person, range or instrument."""
-    printed, error = resolution(data.y), error_of(judge, chosen)
+    printed, error = resolution(data.y), error_of(judge, chosen, chosen)
     parts = [
         (name, level, g.index == k)
         for name, g in {**data.scene.groups, **data.scene.labels}.items()

@@ -155,7 +155,8 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
     judge, chosen = _with_fewer_constants(judge, chosen)
     chosen, not_kept = stays(judge, chosen)
     shared = data.shared if data.shared is None or rows is None else data.shared[rows]
-    chosen, above = never_above(judge, _simplest_orders(judge, chosen), partial(stated, judge, shared=shared), (None,))
+    chosen = _simplest_orders(judge, chosen)
+    chosen, above = never_above(judge, chosen, partial(stated, judge, shared=shared, beside=chosen), (None,))
     return Found(judge, chosen, growth, (*not_kept, *above))
 
 
@@ -201,7 +202,8 @@ def stays(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], 
     """The kept ones of the `chosen` candidates."""
 
     def helps(chosen: tuple[int, ...], own: tuple[int, ...]) -> bool:
-        return error_of(judge, chosen) < error_of(judge, tuple(j for j in chosen if j not in own))
+        rest = tuple(j for j in chosen if j not in own)
+        return error_of(judge, chosen, chosen) < error_of(judge, rest, chosen)
 
     stay, idle = kept(judge, chosen, helps, "the standard error of a row, with equal weights of all rows,")
     return stay, (*judge.problem.left_out, *idle)
@@ -218,7 +220,8 @@ def _simplest_orders(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[int, .
         trial = tuple(j for j in chosen if j not in mine) + first.terms
         limit = [LEVEL if j in first.terms else ALPHA for j in trial]
         stands_out = all(judge.p_adjusted(trial, j) <= most for j, most in zip(trial, limit, strict=True))
-        if stands_out and error_of(judge, trial) < error_of(judge, tuple(j for j in chosen if j not in mine)):
+        rest = tuple(j for j in chosen if j not in mine)
+        if stands_out and error_of(judge, trial, trial) < error_of(judge, rest, trial):
             chosen = trial
     return chosen
 
