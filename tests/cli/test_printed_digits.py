@@ -97,7 +97,7 @@ ELSEWHERE = {
     "fitter/rounding.py": "the function",
     "rig/verbs/certificate/dcc_elements.py": "texts that were rounded",
     "rig/verbs/certificate/tolerances.py": "a tolerance, which was given",
-    "procedures/pressure/fitted.py": "a largest error, and the interval of another reading: no value and its error",
+    "procedures/pressure/words.py": "a largest error, and the interval of another reading: no value and its error",
 }
 
 
