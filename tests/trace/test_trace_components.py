@@ -141,3 +141,17 @@ def test_products_of_columns_are_those_of_whitened_ones(which):
     assert white[0].squares() == pytest.approx(np.sum(rows[0] ** 2, axis=1), abs=1e-9)
     both = np.concatenate(rows, axis=2)
     assert white[0].beside(white[1]).products(white[1]) == pytest.approx(both.mT @ rows[1], abs=1e-9)
+
+
+@pytest.mark.parametrize("which", list(noises()))
+def test_columns_that_one_sensor_has_not_are_none(which):
+    """A candidate may be zero in all rows of a sensor: there is nothing to multiply."""
+    noise, rng = noises()[which], np.random.default_rng(6)
+    n = GROUPS * ROWS * (2 if which == "two sensors" else 1)
+    one, none = rng.standard_normal((n, 3)), np.zeros((n, 0))
+    at = np.arange(min(5, len(noise.prior)))
+    white, empty = noise.white(at, one), noise.white(at, none)
+    assert white.products(empty).shape == (len(at), 3, 0)
+    assert empty.squares().shape == (len(at), 0)
+    both = white.beside(empty)
+    assert both.squares() == pytest.approx(white.squares(), rel=1e-12)

@@ -174,7 +174,7 @@ class Components:
         for m in np.unique(of).tolist():
             at = np.flatnonzero(of == m)
             rows = self._less(float(self._memories[0][m]), columns)
-            sums = (self._whitened_groups[m].T @ rows).reshape(2, -1, columns.shape[1])
+            sums = np.stack(np.split(self._whitened_groups[m].T @ rows, 2))
             parts.append(Along(at, rows, sums, self._determinants[1][which[at]]))
         return ByComponents(tuple(parts), len(which))
 

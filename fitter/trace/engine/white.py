@@ -93,8 +93,9 @@ class Along:
             + (self.sums[b][:, :, None] * other.sums[a][:, None, :] if a != b else 0.0)
             for a, b in combinations_with_replacement(range(len(self.sums)), 2)
         ]
-        taken = self.weight.reshape(len(self.at), -1) @ np.stack(pairs).reshape(-1, p * q)
-        return np.asarray((self.rows.T @ other.rows)[None] - taken.reshape(-1, p, q))
+        count, pairs_and_ways = len(self.at), self.weight[0].size  # named: a sensor may have no column at all
+        taken = self.weight.reshape(count, pairs_and_ways) @ np.stack(pairs).reshape(pairs_and_ways, p * q)
+        return np.asarray((self.rows.T @ other.rows)[None] - taken.reshape(count, p, q))
 
     def beside(self, other: Along) -> Along:
         """These and others, side by side."""
@@ -105,7 +106,7 @@ class Along:
         """(G', p)."""
         every = combinations_with_replacement(range(len(self.sums)), 2)
         pairs = np.stack([self.sums[a] * self.sums[b] * (1.0 if a == b else 2.0) for a, b in every])
-        taken = self.weight.reshape(len(self.at), -1) @ pairs.reshape(-1, pairs.shape[2])
+        taken = self.weight.reshape(len(self.at), -1) @ pairs.reshape(self.weight[0].size, pairs.shape[2])
         return np.asarray(np.einsum("np,np->p", self.rows, self.rows) - taken)
 
 
