@@ -18,5 +18,7 @@ def test_expanded_uncertainties_hold_in_a_few_laboratories(case, laboratories):
 
 
 def test_expanded_uncertainties_hold_as_often_as_they_say():
-    for case, laboratories in ((force, 300), (attitude, 60), (pressure, 40)):
-        assert 92.5 < shares([case(2, laboratories)])["mean"] < 97.5, case
+    # U of attitude sensors is for either side of approach, and six tests of a run (three sensors, two axes) find a loop
+    # by chance in one laboratory of four: the truth, half-way, is inside more often
+    for case, laboratories, most in ((force, 300, 97.5), (attitude, 60, 99.0), (pressure, 40, 97.5)):
+        assert 92.5 < shares([case(2, laboratories)])["mean"] < most, case
