@@ -1,1 +1,1 @@
-"""What both sides of a wire agree on: EDS and register maps. Data files only."""
+"""What both sides of a wire agree on: EDS, register maps, and how an instrument is declared in a table."""

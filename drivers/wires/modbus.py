@@ -7,11 +7,16 @@ reported that it did nothing (exception 6, busy).
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from pymodbus.pdu import ExceptionResponse, ModbusPDU, ReadHoldingRegistersRequest
-from pymodbus.pdu.register_message import WriteMultipleRegistersRequest, WriteSingleRegisterRequest
+from pymodbus.pdu.bit_message import ReadCoilsRequest, ReadDiscreteInputsRequest, WriteSingleCoilRequest
+from pymodbus.pdu.register_message import (
+    ReadInputRegistersRequest,
+    WriteMultipleRegistersRequest,
+    WriteSingleRegisterRequest,
+)
 
 from rig.drivers.clock import Clock
 from rig.drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
@@ -25,6 +30,13 @@ _BUSY, _BUSY_WAIT_S, _BUSY_TRIES = 6, 0.2, 10
 """Exception code; a device that is busy is asked again for two seconds, longer than a chamber stores a program."""
 _SENSIBLE, _LIKELY = (1e-20, 1e20), (1e-3, 1e5)
 """Magnitudes that a measurement in an ordinary unit may have, and those that it is likely to have."""
+_READS: Mapping[str, type[ModbusPDU]] = {
+    "holding": ReadHoldingRegistersRequest,
+    "input": ReadInputRegistersRequest,
+    "coil": ReadCoilsRequest,
+    "discrete": ReadDiscreteInputsRequest,
+}
+_BITS = ("coil", "discrete")
 _EXCEPTIONS = {
     1: "it does not support this function",
     2: "it has no such register",
@@ -78,25 +90,26 @@ class ModbusLine:
         self.exchanges = 0
         self.retries = 0
 
-    def read(self, address: int, count: int = 1) -> list[int]:
-        """Read `count` holding registers (function 3) from `address`.
+    def read(self, address: int, count: int = 1, table: str = "holding") -> list[int]:
+        """Read `count` registers from `address`: holding (function 3), input (4), coil (1) or discrete (2).
 
         Returns:
-            16-bit words.
+            16-bit words, or bits.
 
         Raises:
             NoReply, BadReply, Unreachable: twice in a row.
             InstrumentError: the device refuses; the code is the Modbus exception.
         """
-        request = ReadHoldingRegistersRequest(dev_id=self._unit, address=address, count=count)
-        words = self._ask(request, "reading", repeat=True).registers
+        request = _READS[table](dev_id=self._unit, address=address, count=count)
+        reply = self._ask(request, "reading", repeat=True)
+        words = list(map(int, reply.bits[:count])) if table in _BITS else reply.registers
         if len(words) != count:  # a valid frame, but perhaps the late answer to another question
             self._wire.doubt(self._unit)
             raise BadReply(f"{self.where} answered {len(words)} words to a question for {count} at {address}")
         return list(words)
 
-    def write(self, address: int, words: Sequence[int]) -> None:
-        """Write holding registers from `address` on: one by function 6, several by function 16. Never repeated.
+    def write(self, address: int, words: Sequence[int], table: str = "holding") -> None:
+        """Write registers from `address` on: one by function 6, several by 16, a coil by 5. Never repeated.
 
         Raises:
             NoReply, BadReply: the write may have been carried out: read back.
@@ -104,6 +117,14 @@ class ModbusLine:
             InstrumentError: the device refuses; the code is the Modbus exception.
         """
         values = list(words)
+        if table == "coil":
+            coil = self._ask(
+                WriteSingleCoilRequest(dev_id=self._unit, address=address, bits=[bool(values[0])]), "writing"
+            )
+            if coil.address != address or coil.bits[:1] != [bool(values[0])]:
+                self._wire.doubt(self._unit)
+                raise BadReply(f"{self.where} confirms something else than writing coil {address}: {coil}")
+            return
         kind = WriteSingleRegisterRequest if len(values) == 1 else WriteMultipleRegistersRequest
         reply = self._ask(kind(dev_id=self._unit, address=address, registers=values), "writing")
         echo = reply.registers == values if len(values) == 1 else reply.count == len(values)

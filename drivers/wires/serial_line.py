@@ -86,6 +86,7 @@ class SerialLine:
     Attributes:
         exchanges: queries sent so far, repeated ones included.
         retries: repeated queries.
+        user: which of several instruments behind it was addressed last.
 
     Raises:
         Unreachable: the address cannot be opened.
@@ -102,6 +103,8 @@ class SerialLine:
         self.label = label or address
         self.exchanges = 0
         self.retries = 0
+        self.user: object = None
+        self._last = b""  # end of what was heard last, of an instrument that talks by itself
         self._tap = tap
         self._out_of_step = False
         self._owed = False  # number of an answer that may still come
@@ -176,6 +179,40 @@ class SerialLine:
                 'text without XON and XOFF; if the instrument sends them, write flow = "xonxoff"',
             )
         return again
+
+    def heard(self, timeout_s: float) -> str:
+        """The first line that begins from now on, of an instrument that talks by itself: neither an old nor a torn one.
+
+        Args:
+            timeout_s: longest wait for it, bench seconds.
+
+        Raises:
+            NoReply: no whole line comes.
+            BadReply: bytes that are not text.
+            Unreachable: the port is gone.
+        """
+        port = self._port or self._reopened()
+        end, raw, received = self.clock.now() + timeout_s, bytearray(), b""
+        try:
+            old = bytes(port.read(port.in_waiting)) or self._last
+            torn = not old.endswith(self.settings.reply_end)
+            while (left := end - self.clock.now()) > 0 and self.settings.reply_end not in received:
+                self._limit(port, left)
+                received += self._more(port, raw, left)
+                if torn and self.settings.reply_end in received:
+                    torn, received = False, received.partition(self.settings.reply_end)[2]
+            self._last = received
+        except _PORT_ERRORS as error:
+            self._lost(error)
+        finally:
+            self._tell_tap(raw)
+        line, ended, _ = received.partition(self.settings.reply_end)
+        if not ended:
+            raise self._silent("nothing, since it talks by itself", bytes(received), timeout_s)
+        try:
+            return line.decode("ascii").strip()
+        except UnicodeDecodeError:
+            raise self.bad_reply("nothing", bytes(line), "text; do baud rate and frame match") from None
 
     def drain(self, waiting: int = 0) -> None:
         """Listen until the instrument has been silent for `quiet_s`, and discard its bytes.

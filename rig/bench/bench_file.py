@@ -40,7 +40,7 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
                 raise ConfigurationError(f"{where}: instruments.{name}.address: a {instrument.driver} has no address")
         elif not instrument.address:
             raise ConfigurationError(f"{where}: instruments.{name}.address is missing: where is it connected?")
-        elif strict and cls.wire == "serial" and instrument.address in taken:
+        elif strict and cls.wire == "serial" and instrument.address in taken and not getattr(cls, "shares", False):
             both = f"instruments.{taken[instrument.address]} and instruments.{name}"
             raise ConfigurationError(f"{where}: {both} have one address, {instrument.address}: each needs its own")
         elif strict:  # otherwise the wires refuse it when they are opened: measured data can still be read

@@ -2,7 +2,8 @@
 
 A driver declares the files it needs (`rig.drivers.driver.ContractFile`). Drivers and twins must not import one another
 nor the contracts. The controller reads the file once and passes the same text to both. A bench file may name another
-file (`eds = "drive.eds"`, beside the bench file): its text is read with the bench file and stored in the run file.
+file (`eds = "drive.eds"`, beside the bench file): its text is read with the bench file and stored in the run file. So
+is the file of a declared instrument, `driver = "./my_bath.toml"`, whose text then stands in place of the driver's name.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.bench.config import BenchConfig, parse_bench, read_text
-from rig.bench.plugins import driver_class, installed
+from rig.bench.plugins import driver_class, drivers, is_file
 from rig.errors import ConfigurationError
 
 
@@ -25,8 +26,9 @@ def _text(package: str, name: str) -> str:
 
 def with_contracts(driver: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Options with the driver's contract files filled in, unless the bench file gives its own."""
-    own = {one.option: _text(one.package, one.file) for one in driver_class(driver).contracts}
-    return {**own, **options}
+    found = driver_class(driver)
+    own = {one.option: _text(one.package, one.file) for one in found.contracts}
+    return {**own, **getattr(found, "supplied", {}), **options}
 
 
 def read_bench(path: Path) -> tuple[BenchConfig, dict[str, str]]:
@@ -50,7 +52,13 @@ def with_files(config: BenchConfig, texts: Mapping[str, str], where: str) -> Ben
     for instrument, option, name in _named(config):
         if name not in texts:
             raise ConfigurationError(f"{where}: instruments.{instrument}.{option} = {name!r} does not exist")
-        instruments[instrument] = instruments[instrument].model_copy(update={option: texts[name]})
+        if option == "driver":
+            try:
+                driver_class(f"{texts[name]}\n")
+            except ConfigurationError as error:
+                raise ConfigurationError(f"{where}: instruments.{instrument}.driver: {name}: {error}") from None
+        text = f"{texts[name]}\n" if option == "driver" else texts[name]
+        instruments[instrument] = instruments[instrument].model_copy(update={option: text})
     return config.model_copy(update={"instruments": instruments})
 
 
@@ -58,7 +66,10 @@ def _named(config: BenchConfig) -> list[tuple[str, str, str]]:
     """(instrument, option, file name) of every contract given by a name: a single line is a name."""
     found = []
     for name, instrument in config.instruments.items():
-        if instrument.driver not in installed("rig.drivers"):
+        if is_file(instrument.driver):
+            found.append((name, "driver", instrument.driver))
+            continue
+        if instrument.driver not in drivers():
             continue  # `rig.bench.bench_file.check_options` reports it with its place
         for contract in driver_class(instrument.driver).contracts:
             text = instrument.options.get(contract.option)

@@ -1,13 +1,15 @@
 """Plug-ins: installed objects by name, ours and those of other packages, from entry points.
 
-Ours are in `pyproject.toml`, under `rig.drivers`, `rig.twins`, `rig.kinds` and `rig.effects`.
+Ours are in `pyproject.toml`, under `rig.drivers`, `rig.twins`, `rig.instruments`, `rig.kinds` and `rig.effects`. An
+entry point of `rig.instruments` names a package with files: each is an instrument, by the name of its file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from rig.errors import ConfigurationError
@@ -23,11 +25,50 @@ def installed(group: str) -> list[str]:
 
 
 @cache
+def declared() -> Mapping[str, str]:
+    """Texts of the files of declared instruments, by driver name."""
+    found: dict[str, str] = {}
+    for package in (_OURS_DECLARED, *(point.module for point in entry_points("rig.instruments"))):
+        for file in files(package).iterdir():
+            if file.name.endswith(".toml"):
+                found[file.name.removesuffix(".toml").replace("_", "-")] = file.read_text(encoding="utf-8")
+    return dict(sorted(found.items()))
+
+
+def drivers() -> list[str]:
+    """Names of all drivers, in Python and declared, sorted."""
+    return sorted({*installed("rig.drivers"), *declared()})
+
+
+def is_file(driver: str) -> bool:
+    """Whether a driver is named by the path of its instrument's file."""
+    return driver.endswith(".toml") and "\n" not in driver
+
+
+def text_of(driver: str) -> str:
+    """The file of a declared instrument: itself, where the text stands in place of the name; "" of a Python driver."""
+    return driver if "\n" in driver else declared().get(driver, "")
+
+
+def short(driver: str) -> str:
+    """A driver for messages: its name; of a file's text maker and model."""
+    return driver if "\n" not in driver else driver_class(driver).__name__  # type: ignore[attr-defined]  # of a class
+
+
+@cache
 def driver_class(name: str) -> DriverClass:
-    """The driver registered under `name`. Raises `ConfigurationError` with the known ones."""
-    known = installed("rig.drivers")
-    if name not in known:
-        raise ConfigurationError(f"driver {name!r} is not known; installed: {', '.join(known)}")
+    """The driver registered under `name`, or that of a declared instrument's text. Raises `ConfigurationError`."""
+    if text := text_of(name):
+        from rig.drivers.declared import driver_of  # noqa: PLC0415 - few benches have one
+
+        try:
+            return driver_of(text)
+        except ValueError as error:
+            raise ConfigurationError(f"the instrument's file is wrong: {error}") from None
+    if is_file(name):
+        raise ConfigurationError(f"{name} is read beside the bench file, and there is none here")
+    if name not in installed("rig.drivers"):
+        raise ConfigurationError(f"driver {name!r} is not known; installed: {', '.join(drivers())}")
     found: DriverClass = load("rig.drivers", name, ("Options", "wire", "contracts"))
     return found
 
@@ -65,6 +106,7 @@ def packages(group: str, names: Iterable[str]) -> dict[str, str]:
 
 
 _OURS = "calibration-rig"
+_OURS_DECLARED = "rig.drivers.declared"
 
 
 def _package(point: EntryPoint) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rig.bench.approach import Approach
 from rig.bench.bench_file import playing
+from rig.bench.plugins import short
 from rig.drivers.roles import ByHand, Chamber, Head, PressureController, Source
 from rig.engine.guard import Guard
 from rig.engine.whole_plots import renewal
@@ -132,7 +133,7 @@ def _check_setters(config: BenchConfig, run_list: RunList, guard: Guard, where: 
         if not roles:
             raise ConfigurationError(
                 f"{where}: factors.{factor.name} = {name!r}: {name} sets nothing "
-                f"(driver {config.instruments[name].driver})"
+                f"(driver {short(config.instruments[name].driver)})"
             )
         if Head in roles and factor.name not in HEAD:
             raise ConfigurationError(

@@ -9,7 +9,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from rig.bench.contract_files import with_contracts
-from rig.bench.plugins import driver_class, installed, load
+from rig.bench.plugins import driver_class, installed, load, text_of
 from rig.drivers.wires import Wires
 from rig.drivers.wires.addresses import messages, simulated
 from rig.engine.holes import WatchedClock
@@ -31,6 +31,10 @@ _keys = itertools.count(1)
 @cache
 def twin_class(driver: str) -> MakesTwins:
     """The twin registered for a driver, entry-point group `rig.twins`. Raises `ConfigurationError` if it has none."""
+    if text := text_of(driver):
+        from rig.sims.declared import twin_of  # noqa: PLC0415 - few benches have one
+
+        return twin_of(text)
     known = installed("rig.twins")
     if driver not in known:
         raise ConfigurationError(f"driver {driver!r} has no twin, so it cannot run dry (twins: {', '.join(known)})")

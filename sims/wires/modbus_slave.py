@@ -1,6 +1,6 @@
 """A Modbus slave without input or output: bytes in, bytes out.
 
-Function codes 3, 4, 6, 8 (echo), 16, 17 and 23, framed for TCP (MBAP header) or for a serial line (RTU). Source: MODBUS
+Function codes 1 to 6, 8 (echo), 16, 17 and 23, framed for TCP (MBAP header) or for a serial line (RTU). Source: MODBUS
 Application Protocol 1.1b3, MODBUS over Serial Line 1.02, MODBUS Messaging on TCP/IP 1.0b.
 """
 
@@ -11,9 +11,12 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE, NO_TARGET = 1, 2, 3, 11
+_READ_COILS, _READ_DISCRETE, _WRITE_COIL, _ON = 1, 2, 5, 0xFF00
 _READ, _READ_INPUT, _WRITE_ONE, _DIAGNOSE, _WRITE, _REPORT, _WRITE_AND_READ = 3, 4, 6, 8, 16, 17, 23
 _MOST_READ, _MOST_WRITTEN, _MOST_WRITTEN_TO_READ = 125, 123, 121
-_FUNCTIONS = frozenset((_READ, _READ_INPUT, _WRITE_ONE, _DIAGNOSE, _WRITE, _WRITE_AND_READ))
+_BITS = {_READ_COILS: "coils", _READ_DISCRETE: "discretes", _WRITE_COIL: "coils"}
+"""Attributes of registers with bits of their own; most have none."""
+_FUNCTIONS = frozenset((*_BITS, _READ, _READ_INPUT, _WRITE_ONE, _DIAGNOSE, _WRITE, _WRITE_AND_READ))
 _RUNNING = b"\xff"
 _MBAP, _TWO = struct.Struct(">HHHB"), struct.Struct(">HH")
 
@@ -31,6 +34,8 @@ class Registers(Protocol):
 
     Attributes:
         identity: its answer to function 17.
+
+    A twin may have further tables: `inputs_table`, `coils`, `discretes`, each with the same two methods.
     """
 
     identity: bytes
@@ -65,6 +70,8 @@ def _carry_out(registers: Registers, pdu: bytes) -> bytes:
         if address:  # only the echo of the sub-functions: counters are for lines with losses
             raise Refused(ILLEGAL_FUNCTION)
         return pdu[1:]
+    if function in _BITS:
+        return _bits(getattr(registers, _BITS[function], None), function, address, number)
     if function == _WRITE_ONE:
         registers.write(address, [number])
         return pdu[1:5]
@@ -78,8 +85,25 @@ def _carry_out(registers: Registers, pdu: bytes) -> bytes:
             raise Refused(ILLEGAL_VALUE)
         (where,) = struct.unpack(">H", pdu[5:7])
         registers.write(where, _written(pdu[7:], _MOST_WRITTEN_TO_READ))
-    words = registers.read(address, number)
+    table = getattr(registers, "inputs_table", registers) if function == _READ_INPUT else registers
+    words = table.read(address, number)
     return struct.pack(f">B{number}H", 2 * number, *words)
+
+
+def _bits(table: Registers | None, function: int, address: int, number: int) -> bytes:
+    """The answer to a question for bits, or to the command for one."""
+    if table is None:
+        raise Refused(ILLEGAL_FUNCTION)
+    if function == _WRITE_COIL:
+        if number not in (0, _ON):
+            raise Refused(ILLEGAL_VALUE)
+        table.write(address, [int(number == _ON)])
+        return _TWO.pack(address, number)
+    if not 1 <= number <= _MOST_READ:
+        raise Refused(ILLEGAL_VALUE)
+    whole = sum(bit << n for n, bit in enumerate(table.read(address, number)))
+    size = (number + 7) // 8
+    return bytes((size,)) + whole.to_bytes(size, "little")
 
 
 def _written(data: bytes, most: int) -> tuple[int, ...]:
@@ -171,7 +195,7 @@ class RtuSlave:
             return 9 + self._buffer[6] if len(self._buffer) > 6 else 0
         if self._buffer[1] == _WRITE_AND_READ:
             return 13 + self._buffer[10] if len(self._buffer) > 10 else 0
-        if self._buffer[1] in (_READ, _READ_INPUT, _WRITE_ONE, _DIAGNOSE):
+        if self._buffer[1] in (*_BITS, _READ, _READ_INPUT, _WRITE_ONE, _DIAGNOSE):
             return 8
         if self._buffer[1] == _REPORT:
             return 4

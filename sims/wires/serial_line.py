@@ -37,6 +37,15 @@ class Handshaking(Protocol):
     dsr: bool | None
 
 
+@runtime_checkable
+class Talking(Protocol):
+    """A twin that may talk by itself."""
+
+    def connected(self, tx: Callable[[bytes], None]) -> None:
+        """A host is there, which hears what goes to `tx`."""
+        ...
+
+
 def bits_per_character(frame: str) -> int:
     """Start bit, data bits, parity bit if any, stop bits: "8N1" is 10, "7E2" is 11."""
     return 1 + int(frame[0]) + (frame[1] != "N") + int(frame[2])
@@ -78,6 +87,8 @@ class SerialCable:
     def attach(self, receive: Callable[[bytes], None] | None) -> None:
         """Connect the host's end to `receive`; None disconnects it, and arriving bytes are lost."""
         self._receive = receive
+        if receive is not None and isinstance(self._twin, Talking):
+            self._twin.connected(self._answer)
 
     def send(self, data: bytes) -> None:
         """Take bytes from the host; they arrive at the twin after their time on the line."""

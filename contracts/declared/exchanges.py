@@ -1,0 +1,105 @@
+"""One question or one command of a declared instrument: a line of text, or a register."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+Kind = Literal["int16", "uint16", "int32", "uint32", "float32", "bit"]
+Table = Literal["holding", "input", "coil", "discrete"]
+MEANINGS = ("stable", "unstable", "busy", "overload", "error", "on", "off", "vent")
+"""Meanings of a word, a number or a bit of an answer; `error: TEXT` says which."""
+
+
+class Strict(BaseModel):
+    """A table without other keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+def _several(value: Any) -> Any:
+    return [value] if isinstance(value, str | dict) else value
+
+
+Texts = Annotated[tuple[str, ...], BeforeValidator(_several)]
+"""A text, or a list of them."""
+
+
+class Register(Strict):
+    """Common part of a question and a command: where a number is, and how it is written."""
+
+    register_: int | None = Field(None, alias="register", ge=0, le=65535, description="number of the (first) register")
+    table: Table = Field("holding", description="which registers: holding, input, coil or discrete")
+    type: Kind | None = Field(None, description="type of the number; left out: that of the wire")
+    scale: float = Field(1.0, description="a number times this, plus offset, is the quantity in its unit")
+    offset: float = Field(0.0, description="see scale")
+    decimals: int | None = Field(None, ge=0, le=65535, description="register that says how many decimals it has")
+    signed: bool = Field(False, description="a hexadecimal number is a two's complement of its width")
+
+    def shown(self, value: float) -> float:
+        """A quantity as the number on the wire."""
+        return (value - self.offset) / self.scale
+
+    def quantity(self, number: float) -> float:
+        """A number on the wire as quantity."""
+        return number * self.scale + self.offset if self.scale != 1.0 or self.offset else number
+
+
+class Ask(Register):
+    """A question and its answer. A text alone is a question whose answer is a number."""
+
+    ask: str | None = Field(None, description="the line of a question; {channel} and parameters are filled in")
+    answer: Texts = Field((), description="forms of its answer; left out: `{value}`, or `{state}` if it has words")
+    words: dict[str, str] = Field(
+        {}, description="words, or numbers, in its answer: stable, unstable, busy, overload, error, on, off or vent"
+    )
+    bit: int | None = Field(None, ge=0, le=31, description="the bit of its number that means yes; 0 is the lowest")
+    timeout_s: float | None = Field(None, gt=0, le=600, description="longest wait for its answer; left out: the wire's")
+    lines: int = Field(1, ge=1, le=20, description="lines of its answer, which are joined by a space")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short(cls, given: Any) -> Any:
+        return {"ask": given} if isinstance(given, str) else given
+
+    @property
+    def forms(self) -> tuple[str, ...]:
+        """Forms of its answer."""
+        return self.answer or (("{state}",) if self.words else ("{value}",))
+
+    @property
+    def said(self) -> str:
+        """The question, for messages."""
+        if self.ask is None and self.register_ is None:
+            return "nothing, since it talks by itself"
+        return self.ask if self.ask is not None else f"register {self.register_}"
+
+
+class Check(Ask):
+    """A question whose right answer is known."""
+
+    is_: float | str = Field(alias="is", description="its right answer: a number, or a text")
+
+
+class Tell(Register):
+    """A command. A text alone is a command without an answer."""
+
+    tell: str | None = Field(None, description="the line; {value}, {count}, {channel} and parameters are filled in")
+    answer: Texts = Field((), description="forms of its acknowledgement; left out: there is none")
+    value: float | None = Field(None, description="number that is written to the register")
+    wait_s: float = Field(0.0, ge=0, le=600, description="time that it takes: nothing is sent meanwhile")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short(cls, given: Any) -> Any:
+        return {"tell": given} if isinstance(given, str) else given
+
+    @property
+    def said(self) -> str:
+        """The command, for messages."""
+        return self.tell if self.tell is not None else f"register {self.register_}"
+
+
+Tells = Annotated[tuple[Tell, ...], BeforeValidator(_several)]
+"""A command, or a sequence of them."""

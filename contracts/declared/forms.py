@@ -1,0 +1,234 @@
+"""Forms: a line of text with named fields in braces, for whoever reads it and whoever writes it.
+
+`S {state} {value:10.2} {unit}` is `S S     100.00 g`. After the name stands, as in Python, what is always so: `+` (a
+sign), `0` (zeros before), width, decimals, and the kind: `e` with exponent, `d` whole, `x` hexadecimal. `{}` is any
+text. One space stands for any number of spaces; `{{` and `}}` are braces.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+_HOLE = re.compile(r"\{\{|\}\}|\{([a-z_][a-z0-9_]*)?(?::([^{}]*))?\}|[{}]")
+_SPEC = re.compile(r"(<)?(\+)?(0)?([1-9][0-9]?)?(?:\.([0-9]{1,2}))?([edx])?")
+_ANY_NUMBER = r"[+-]? *(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[Ee][+-]?[0-9]{1,3})?"
+TEXTS = {
+    "unit": r"[A-Za-z%*\u00b0][A-Za-z0-9%/*^._ -]*?",
+    "text": r".*?",
+    "line": r".*?",
+    "checksum": "[0-9A-Fa-f]{2}",
+    "maker": r".+?",
+    "model": r".+?",
+    "serial": r".*?",
+    "firmware": r".*?",
+}
+"""Fields that are texts, which may contain spaces."""
+_NUMBERS = ("value", "values", "mark", "count", "code")
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of a form.
+
+    Attributes:
+        name: "" for any text.
+        left: whether it is at the left of its width.
+        sign: whether a plus is printed.
+        zeros: whether zeros fill its width.
+        width: number of characters, 0 if it varies.
+        decimals: of a number, -1 if they vary.
+        kind: "e", "d", "x", or "" for a number without exponent, or for a text.
+    """
+
+    name: str
+    left: bool = False
+    sign: bool = False
+    zeros: bool = False
+    width: int = 0
+    decimals: int = -1
+    kind: str = ""
+
+    @property
+    def text(self) -> str:
+        """As it stands in a form."""
+        spec = f"{'<' * self.left}{'+' * self.sign}{'0' * self.zeros}{self.width or ''}"
+        spec += f".{self.decimals}" * (self.decimals >= 0) + self.kind
+        return f"{{{self.name}{':' * bool(spec)}{spec}}}"
+
+    @property
+    def number(self) -> bool:
+        """Whether it can only be a number."""
+        return self.name in _NUMBERS or bool(self.kind) or self.decimals >= 0
+
+    def pattern(self, words: frozenset[str]) -> str:
+        """Pattern of its text, without the spaces of its width."""
+        if not self.name:
+            return ".*?"
+        if self.name in TEXTS:
+            return TEXTS[self.name]
+        if words and not self.number:
+            known = "|".join(re.escape(word) for word in sorted(words, key=len, reverse=True))
+            return known if self.name.startswith("state") else f"{known}|{_ANY_NUMBER}"
+        sign, digits = r"[+-]" if self.sign else "[+-]?", "{1,9}" if self.decimals < 0 else f"{{{self.decimals}}}"
+        match self.kind:
+            case "x":
+                return "[0-9A-Fa-f]+"
+            case "d":
+                return f"{sign}[0-9]+"
+            case "e":
+                return rf"{sign}[0-9]\.[0-9]{digits}[Ee][+-]?[0-9]{{1,3}}"
+        if self.decimals == 0:
+            return rf"{sign} *[0-9]+\.?"
+        if self.decimals > 0:
+            return rf"{sign} *[0-9]*\.[0-9]{digits}"
+        if self.name == "values":
+            return f"{_ANY_NUMBER}(?: *, *{_ANY_NUMBER})*"
+        return _ANY_NUMBER.replace("[+-]?", sign, 1) if self.number else r"[^\s,;]+"
+
+    def read(self, text: str) -> float:
+        """The finite number in a text. Raises `ValueError`."""
+        text = text.replace(" ", "")
+        if self.kind == "x":
+            return float(int(text, 16))
+        if not re.fullmatch(_ANY_NUMBER, text, re.ASCII):
+            raise ValueError(f"{text!r} is not a number")
+        value = float(text)
+        if not math.isfinite(value):
+            raise ValueError(f"{text!r} is not a finite number")
+        return value
+
+    def write(self, value: float | str) -> str:
+        """A value as it is printed."""
+        if isinstance(value, str):
+            return value.ljust(self.width) if self.left or not self.number else value.rjust(self.width)
+        if self.kind in ("d", "x"):
+            value = round(value)
+        elif self.decimals >= 0:
+            value = round(value, self.decimals) + 0.0 if self.kind != "e" else value
+        decimals = f".{self.decimals}" if self.decimals >= 0 and self.kind not in ("d", "x") else ""
+        if self.kind or self.decimals >= 0:
+            kind = {"": "f", "e": "E", "d": "d", "x": "X"}[self.kind]
+            align = "<" if self.left else ""
+            plus = "+" if self.sign else ""
+            zeros = "0" if self.zeros else ""
+            return f"{value:{align}{plus}{zeros}{self.width or ''}{decimals}{kind}}"
+        text = f"{value:{'+' if self.sign else ''}.9g}"
+        return text.zfill(self.width) if self.zeros else text.rjust(self.width)
+
+
+class Form:
+    """A line with named fields.
+
+    Args:
+        text: see the module.
+        words: what its fields that are neither numbers nor names may be; () for any word.
+
+    Raises:
+        ValueError: a brace alone, two fields of one name, or a field that makes no sense.
+    """
+
+    def __init__(self, text: str, words: frozenset[str] = frozenset()) -> None:
+        self.text, self._words = text, words
+        self.parts: list[str | Field] = []
+        at = 0
+        for hole in _HOLE.finditer(text):
+            self._literal(text[at : hole.start()])
+            at = hole.end()
+            if hole[0] in ("{{", "}}"):
+                self._literal(hole[0][0])
+            elif len(hole[0]) == 1:
+                raise ValueError(f"{text!r} has a brace alone; write it twice if it is meant")
+            else:
+                self.parts.append(_field(hole[1] or "", hole[2] or "", text))
+        self._literal(text[at:])
+        self.fields = {part.name: part for part in self.parts if isinstance(part, Field) and part.name}
+        if len(self.fields) != sum(isinstance(part, Field) and bool(part.name) for part in self.parts):
+            raise ValueError(f"{text!r} has two fields of one name")
+
+    def _literal(self, text: str) -> None:
+        if text and self.parts and isinstance(self.parts[-1], str):
+            self.parts[-1] += text
+        elif text:
+            self.parts.append(text)
+
+    @cached_property
+    def _strict(self) -> re.Pattern[str]:
+        return re.compile(self._pattern(strict=True), re.ASCII)
+
+    @cached_property
+    def _free(self) -> re.Pattern[str]:
+        return re.compile(self._pattern(strict=False), re.ASCII | re.IGNORECASE)
+
+    def _pattern(self, *, strict: bool) -> str:
+        found = []
+        for n, part in enumerate(self.parts):
+            if isinstance(part, str):
+                found.append(" +".join(map(re.escape, re.split(" +", part))))
+                continue
+            inner = part.pattern(self._words) if strict or not part.number else _ANY_NUMBER
+            if part.kind == "x":
+                inner = part.pattern(self._words)
+            if part.width and strict:
+                # a line's ends have no spaces: there the width of a field may be less
+                least = 1 if n in (0, len(self.parts) - 1) else part.width
+                inner = f"(?=[ ]*(?:{inner})[ ]*)[ -~]{{{least},{part.width}}}"
+            # an instrument may right-align its numbers
+            elif part.name and part.name not in TEXTS:
+                inner = f" *(?:{inner})"
+            found.append(f"(?P<{part.name}>{inner})" if part.name else f"(?:{inner})")
+        return "".join(found)
+
+    def read(self, line: str, *, strict: bool = True) -> dict[str, str] | None:
+        """Its fields in a line, without spaces around them; None if the line has another form.
+
+        Args:
+            line: the line, without its end.
+            strict: whether numbers have the form that is declared; otherwise any form, and capitals do not matter.
+        """
+        found = (self._strict if strict else self._free).fullmatch(line)
+        if found is None:
+            return None
+        fields = {name: text.strip() for name, text in found.groupdict().items()}
+        if strict:
+            for name, field in self.fields.items():
+                if field.width and not re.fullmatch(field.pattern(self._words), fields[name], re.ASCII):
+                    return None
+        return fields
+
+    def write(self, values: Mapping[str, float | str]) -> str:
+        """The line with these fields; any text is left out."""
+        return "".join(
+            part if isinstance(part, str) else part.write(values[part.name]) if part.name else "" for part in self.parts
+        )
+
+    def filled(self, known: Mapping[str, str | int]) -> Form:
+        """The same with known fields as texts."""
+        if not self.fields.keys() & known.keys():
+            return self
+        text = "".join(
+            part.replace("{", "{{").replace("}", "}}")
+            if isinstance(part, str)
+            else str(part.write(known[part.name])).replace("{", "{{").replace("}", "}}")
+            if part.name in known
+            else part.text
+            for part in self.parts
+        )
+        return Form(text, self._words)
+
+    @property
+    def literal(self) -> str:
+        """The longest text that is always in it."""
+        return max((part.strip() for part in self.parts if isinstance(part, str)), key=len, default="")
+
+
+def _field(name: str, spec: str, text: str) -> Field:
+    found = _SPEC.fullmatch(spec)
+    if found is None:
+        raise ValueError(f"{{{name}:{spec}}} in {text!r}: after the colon: + 0 width .decimals and e, d or x")
+    left, sign, zeros, width, decimals, kind = found.groups()
+    digits = -1 if decimals is None else int(decimals)
+    return Field(name, bool(left), bool(sign), bool(zeros), int(width or 0), digits, kind or "")

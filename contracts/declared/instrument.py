@@ -1,0 +1,345 @@
+"""The table of a declared instrument, checked: everything that its role lacks is named at once."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from rig.contracts.declared.exchanges import MEANINGS, Ask, Check, Strict, Tell, Tells, Texts
+from rig.contracts.declared.forms import Form
+
+Frame = Literal["7E1", "7E2", "7O1", "7O2", "8N1", "8N2", "8E1", "8O1"]
+Unit = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9]*(_per_[A-Za-z][A-Za-z0-9]*)?$")]
+Number = Literal["int16", "uint16", "int32", "uint32", "float32"]
+Tried = Literal["twin only", "foreign client", "foreign simulator", "on hardware"]
+Treated = Literal["accept", "wait", "refuse"]
+Sum = Literal["", "sum", "xor", "negative sum"]
+
+
+class Wire(Strict):
+    """How it is connected, and what holds for every line."""
+
+    protocol: Literal["text", "modbus", "stream"] = Field(
+        "text", description="text: lines with an answer; modbus: registers; stream: it talks by itself"
+    )
+    baud: int = Field(9600, ge=300, le=921600, description="symbols per second of a serial line")
+    frame: Frame = Field("8N1", description="data bits, parity, stop bits")
+    flow: Literal["none", "rtscts", "xonxoff", "dsrdtr"] = Field("none", description="flow control of a serial line")
+    send_end: str = Field("\n", min_length=1, max_length=4, description="end of a line that is sent")
+    reply_end: str = Field("", max_length=4, description="end of an answer; left out: as send_end")
+    timeout_s: float = Field(2.0, ge=0.05, le=60, description="longest wait for an answer")
+    pace_s: float = Field(0.0, ge=0, le=10, description="shortest time from one line to the next")
+    echo: bool = Field(False, description="it sends every line back before its answer")
+    preamble: tuple[str, ...] = Field(
+        (), description="lines before all others, and whenever another instrument has used the wire: `++addr 9`"
+    )
+    request: str = Field("{line}", description="a whole line that is sent: {line}, parameters, {checksum}")
+    reply: str = Field("{line}", description="a whole answer; parameters in it have to be right, so has {checksum}")
+    checksum: Sum = Field("", description="of all characters before it, as two hexadecimal digits")
+    type: Number = Field("int16", description="type of most registers")
+    word_order: Literal["big", "little"] = Field("big", description="which word of two is first: the high one is big")
+    first_register: int = Field(0, ge=0, le=1, description="number that the manual gives to register 0 of the protocol")
+    period_s: float = Field(1.0, gt=0, le=3600, description="stream: time from one line to the next")
+
+
+class Identity(Ask):
+    """Who it is. {maker} and {model} in its answer have to be the declared ones; {serial} and {firmware} are kept."""
+
+    is_: float | str | None = Field(None, alias="is", description="of a register: its right number")
+
+    @property
+    def forms(self) -> tuple[str, ...]:
+        """Forms of its answer."""
+        return self.answer or ("{maker},{model},{serial},{firmware}",)
+
+
+class Errors(Strict):
+    """How it says that it refuses. Without this table it never does."""
+
+    ask: str | None = Field(None, description="question for an error, asked after every command")
+    answer: Texts = Field(("{code},{text}",), description="forms of its answer: {code} and {text}")
+    none: str = Field("0", description="the {code} without an error")
+    queue: bool = Field(True, description="it is asked again until there is no error")
+    bits: dict[str, str] = Field({}, description="errors by number of their bit in {code}, which is then a mask")
+    replies: Texts = Field((), description="forms of answers to anything that mean an error: `ES`, `E{code}`")
+    codes: dict[str, str] = Field({}, description="meaning of each {code}")
+
+
+class Mark(Strict):
+    """A setting without effect that power-off clears: how it is known that the power was off."""
+
+    tell: Tells = Field(description="commands that set it")
+    check: Check = Field(description="question for it, with the answer while it is set")
+
+
+class Channel(Strict):
+    """One channel of a reader."""
+
+    is_: str = Field("", alias="is", description="what stands for {channel}; left out: its name")
+    unit: Unit | None = Field(None, description="unit of its readings; left out: the reader's")
+    field: str = Field("value", description="field of the answer that has its reading")
+    reading: Ask | None = Field(None, description="question for its reading; left out: the reader's")
+
+
+class Reader(Strict):
+    """It measures."""
+
+    unit: Unit | None = Field(None, description="unit of its readings, as at the end of column names")
+    reading: Ask | None = Field(None, description="question that takes a reading; of a stream: the form of its lines")
+    channels: dict[str, Channel] = Field({}, description="its channels; left out: one, `input`")
+    select: Tells = Field((), description="commands that choose a channel")
+    settle_s: float = Field(0.0, ge=0, le=3600, description="wait after choosing")
+    discard: int = Field(0, ge=0, le=100, description="readings that are not used after choosing")
+    confirm: Ask | None = Field(None, description="question after choosing; its answer form has {channel}")
+    start: Tells = Field((), description="starts {count} readings, which it keeps")
+    fetch: Ask | None = Field(
+        None, description="with start: asks for them, answer with {values}, or {value} if most is 1"
+    )
+    number: Tells = Field((), description="gives the next readings a number, {mark}, which the answer repeats")
+    abort: Tells = Field((), description="gives up a measurement")
+    reading_s: float = Field(0.0, ge=0, le=600, description="time that a reading takes")
+    most: int = Field(10000, ge=1, le=1_000_000, description="largest number of readings at once")
+    overload: float = Field(9.9e37, gt=0, description="readings of this size or larger are outside its range")
+    unstable: Treated = Field("wait", description="a reading that is called unstable: accept, wait, refuse")
+    patience_s: float = Field(60.0, ge=0, le=3600, description="longest wait for a stable one")
+    again_s: float = Field(0.5, ge=0, le=60, description="time until it is asked again")
+    resolution: float = Field(0.0, ge=0, description="smallest step of its readings; 0: finer than its noise")
+    noise: float = Field(1e-6, ge=0, description="noise of the twin, standard deviation of a reading")
+
+
+class Source(Strict):
+    """It sets one quantity: a bath, a chamber, a calibrator, a flow controller, a pressure controller."""
+
+    unit: Unit | None = Field(None, description="its unit, as at the end of column names")
+    low: float | None = Field(None, description="lowest accepted setpoint")
+    high: float | None = Field(None, description="highest accepted setpoint")
+    set: Tells = Field((), description="sets {value}; the last command may carry a sequence out")
+    setpoint: Ask | None = Field(None, description="asks for the setpoint in force; left out: it cannot be asked")
+    readback: float | None = Field(None, gt=0, description="largest difference of setpoint and its answer")
+    read: Ask | None = Field(None, description="asks for its own reading; left out: it has none")
+    read_off: bool = Field(True, description="whether it gives a reading with the output off")
+    on: Tells = Field((), description="switches on; left out: it is always on")
+    off: Tells = Field((), description="switches off, or vents: the safe state, a sequence; `output` reads it back")
+    output: Ask | None = Field(
+        None, description="asks whether it is on, off, or vents; 1 and ON, 0 and OFF need no words"
+    )
+    safe_value: float | None = Field(None, description="setpoint of the safe state")
+    hold: Tells = Field((), description="holds the present value; left out: it becomes the setpoint")
+    settled: Ask | None = Field(None, description="asks whether it has arrived: words, or a bit")
+    tolerance: float | None = Field(None, gt=0, description="without settled: largest distance of reading and setpoint")
+    dwell_s: float = Field(1.0, ge=0, le=86400, description="time that it has been so, or since it was set")
+    time_constant_s: float | None = Field(None, gt=0, le=1e6, description="how it approaches a setting, for forecasts")
+
+    @property
+    def step(self) -> float:
+        """Step of setpoints on the wire; 0 if it is finer than any."""
+        for one in self.set:
+            if one.tell is not None:
+                field = Form(one.tell).fields.get("value")
+                if field is not None and (field.decimals >= 0 or field.kind in ("d", "x")) and field.kind != "e":
+                    return abs(one.scale) * 10.0 ** -max(field.decimals, 0)
+            elif one.value is None and one.type != "float32":
+                return 0.0 if one.type is None and one.scale == 1.0 else abs(one.scale)
+        return 0.0
+
+    @property
+    def nearness(self) -> float:
+        """Largest difference of setpoint and its answer."""
+        return self.readback or max(self.step * 0.5000001, 1e-6 * max(abs(self.low or 0.0), abs(self.high or 0.0), 1.0))
+
+
+_WHERE = {
+    "identity": "a question that tells it from others; in the manual: identification, `*IDN?`, version",
+    "reading": "a question for a reading; in the manual: remote commands, reading, measure, transmit weight",
+    "unit": "unit of its quantity, such as degC; in the manual: specifications, units",
+    "low": "lowest setpoint; in the manual: specifications, range",
+    "high": "highest setpoint; in the manual: specifications, range",
+    "set": "a command with {value}; in the manual: remote commands, setpoint",
+    "setpoint": "a question for the setpoint, so that it is read back; in the manual: remote commands, setpoint",
+    "safe": "a safe state: off with output, or safe_value; in the manual: output, standby, control on and off, vent",
+    "settled": "how it has arrived: settled, or read with tolerance, or dwell_s; in the manual: status, stability",
+    "register": "number of the register; in the manual: Modbus parameters, address",
+}
+"""Required keys: their meaning, and where a manual has it."""
+
+
+class Instrument(Strict):
+    """A whole file."""
+
+    maker: str = Field("", description="maker, as it spells itself")
+    model: Texts = Field((), description="model; of a family all models that answer alike")
+    about: str = Field("", description="what it is, for the list")
+    sources: Texts = Field((), description="manuals, with page or chapter of each claim")
+    tried: Annotated[tuple[Tried, ...], Field(description="how it was tried")] = ()
+    unconfirmed: Texts = Field((), description="what no source states")
+    parameters: dict[str, str | int] = Field({}, description="what the bench file may set, with its default: {node}")
+    wire: Wire = Wire()
+    identity: Identity | None = Field(None, description="who it is")
+    words: dict[str, str] = Field({}, description="words of all answers; see Ask")
+    units: dict[str, Unit] = Field({}, description="its spelling of units: `g/h` is g_per_h")
+    errors: Errors = Errors()
+    prepare: Tells = Field((), description="commands that prepare it; a source is not switched by them")
+    check: tuple[Check, ...] = Field((), description="settings: asked after preparing, before and after every point")
+    healthy: tuple[Check, ...] = Field((), description="what is so without a fault; asked likewise")
+    mark: Mark | None = Field(None, description="how it is known that the power was off; left out: by check")
+    local: Tells = Field((), description="commands at the end that give the panel back")
+    reader: Reader | None = None
+    source: Source | None = None
+    examples: tuple[tuple[str, str], ...] = Field(
+        (), description="questions and answers as printed in the manual, or recorded; tests replay them"
+    )
+
+    @property
+    def modbus(self) -> bool:
+        """Whether it has registers, not lines."""
+        return self.wire.protocol == "modbus"
+
+    @property
+    def remembers(self) -> bool:
+        """Whether it is known that its power was off."""
+        return self.mark is not None or bool(self.check and self.prepare)
+
+    def asks(self) -> Iterator[tuple[str, Ask]]:
+        """All its questions, with their place in the file."""
+        if self.identity is not None:
+            yield "identity", self.identity
+        for name, several in (("check", self.check), ("healthy", self.healthy)):
+            yield from ((f"{name}[{n}]", one) for n, one in enumerate(several))
+        if self.mark is not None:
+            yield "mark.check", self.mark.check
+        for part, keys in (
+            ("reader", ("reading", "confirm", "fetch")),
+            ("source", ("setpoint", "read", "output", "settled")),
+        ):
+            table = getattr(self, part)
+            for key in keys if table is not None else ():
+                if getattr(table, key) is not None:
+                    yield f"{part}.{key}", getattr(table, key)
+        for name, channel in self.reader.channels.items() if self.reader is not None else ():
+            if channel.reading is not None:
+                yield f"reader.channels.{name}.reading", channel.reading
+
+    def tells(self) -> Iterator[tuple[str, Tell]]:
+        """All its commands, with their place in the file."""
+        found: list[tuple[str, tuple[Tell, ...]]] = [("prepare", self.prepare), ("local", self.local)]
+        found += [("mark.tell", self.mark.tell)] if self.mark is not None else []
+        if self.reader is not None:
+            found += [(f"reader.{key}", getattr(self.reader, key)) for key in ("select", "start", "number", "abort")]
+        if self.source is not None:
+            found += [(f"source.{key}", getattr(self.source, key)) for key in ("set", "on", "off", "hold")]
+        for name, several in found:
+            yield from ((name, one) for one in several)
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        wrong = list(self._lacking()) + list(self._wrong())
+        if wrong:
+            raise ValueError("; ".join(wrong) if len(wrong) == 1 else "".join(f"\n  - {one}" for one in wrong))
+        return self
+
+    def _lacking(self) -> Iterator[str]:
+        if not self.model:
+            yield "model is missing"
+        if self.identity is None:
+            yield f"identity is missing: {_WHERE['identity']}"
+        if self.reader is None and self.source is None:
+            yield "a role is missing: [reader] if it measures, [source] if it sets something"
+        reader, source = self.reader, self.source
+        if reader is not None:
+            lacking = [key for key in ("unit", "reading") if getattr(reader, key) is None]
+            own = reader.channels and all(one.reading is not None for one in reader.channels.values())
+            if "reading" in lacking and (own or reader.fetch is not None):
+                lacking.remove("reading")
+            if "unit" in lacking and reader.channels and all(one.unit for one in reader.channels.values()):
+                lacking.remove("unit")
+            yield from (f"reader.{key} is missing: {_WHERE[key]}" for key in lacking)
+            if bool(reader.start) != (reader.fetch is not None):
+                yield "reader.start and reader.fetch belong together"
+        if source is not None:
+            for key in ("unit", "low", "high"):
+                if getattr(source, key) is None:
+                    yield f"source.{key} is missing: {_WHERE[key]}"
+            if not source.set:
+                yield f"source.set is missing: {_WHERE['set']}"
+            if source.setpoint is None and not any(one.answer for one in source.set) and source.read is None:
+                yield f"source.setpoint is missing: {_WHERE['setpoint']}"
+            if source.safe_value is None and not source.off:
+                yield f"source has no safe state: {_WHERE['safe']}"
+
+    def _wrong(self) -> Iterator[str]:
+        if self.source is not None:
+            yield from _of_source(self.source)
+        key, other = ("register", "a line of text") if self.modbus else ("line of text", "a register")
+        every: list[tuple[str, Ask | Tell]] = [*self.asks(), *self.tells()]
+        for place, one in every:
+            line = one.ask if isinstance(one, Ask) else one.tell
+            listening = self.wire.protocol == "stream" and place.endswith(("reading", "identity"))
+            if not listening and (one.register_ is None if self.modbus else line is None):
+                yield f"{place} has no {key}{f', but {other}' * (line is not None or one.register_ is not None)}"
+            if self.modbus and isinstance(one, Tell) and one.value is None and place != "source.set":
+                yield f"{place} has no value to write"
+            yield from _forms(place, one, line, self.parameters)
+            if isinstance(one, Ask):
+                yield from _words(f"{place}.words", one.words)
+        yield from _words("words", self.words)
+        for place, form in (("request", self.wire.request), ("reply", self.wire.reply)):
+            if "{line}" not in form:
+                yield f"wire.{place} = {form!r} lacks {{line}}"
+
+
+def _of_source(source: Source) -> Iterator[str]:
+    low, high = source.low, source.high
+    if low is not None and high is not None:
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            yield f"source: low = {low:g} has to be below high = {high:g}, both finite"
+        elif source.safe_value is not None and not low <= source.safe_value <= high:
+            yield f"source.safe_value = {source.safe_value:g} is outside {low:g} to {high:g}"
+    if source.output is None and (source.on or (source.off and source.safe_value is None)):
+        yield "source.output is missing: on and off are read back by it; in the manual: output, status"
+    if source.output is not None and not source.off:
+        yield "source.off is missing: it belongs to output"
+    if source.tolerance is not None and (source.read is None or source.settled is not None):
+        yield "source.tolerance needs read, and no settled: it is how its reading tells that it has arrived"
+    if source.readback is not None and source.readback < source.step / 2 * (1 - 1e-9):
+        yield f"source.readback = {source.readback:g} is less than half the step of set, {source.step:g}"
+
+
+def _words(place: str, words: Mapping[str, str]) -> Iterator[str]:
+    for word, meaning in words.items():
+        if meaning.partition(":")[0] not in MEANINGS:
+            yield f"{place}: {word} is {meaning!r}; known: {', '.join(MEANINGS)}, or `error: TEXT`"
+
+
+def _forms(place: str, one: Ask | Tell, line: str | None, parameters: Mapping[str, object]) -> Iterator[str]:
+    known = {"value", "count", "channel", "mark", *parameters}
+    try:
+        for name in Form(line or "").fields:
+            if name not in known:
+                yield f"{place}: {{{name}}} is no parameter; parameters are {', '.join(parameters) or 'none'}"
+        if place == "source.set" and line is not None and isinstance(one, Tell) and "value" not in Form(line).fields:
+            return  # a command of the sequence
+        for form in one.forms if isinstance(one, Ask) else one.answer:
+            Form(form)
+    except ValueError as error:
+        yield f"{place}: {error}"
+
+
+def parse(text: str) -> Instrument:
+    """The instrument of a file's text. Raises `ValueError` with all that is wrong."""
+    values: dict[str, Any] = tomllib.loads(text)
+    try:
+        return Instrument.model_validate(values)
+    except ValidationError as error:
+        raise ValueError("; ".join(_said(one) for one in error.errors())) from None
+
+
+def _said(error: Any) -> str:
+    place = ".".join(map(str, error["loc"]))
+    words = str(error["msg"]).removeprefix("Value error, ")
+    if error["type"] == "extra_forbidden":
+        words = "is no key here"
+    return f"{place}: {words}" if place else words

@@ -1,0 +1,74 @@
+"""Drivers of instruments that are tables: one class is made of each file."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from pydantic import BaseModel, Field, create_model
+
+from rig.contracts.declared.instrument import Instrument, parse
+from rig.drivers.declared.base import Declared, Remembering
+from rig.drivers.declared.reader import DeclaredReader
+from rig.drivers.declared.source import DeclaredSource
+from rig.drivers.wires import SerialOptions
+from rig.drivers.wires.serial_line import Frame
+from rig.drivers.wires.serial_options import Flow
+
+
+class _Options(SerialOptions):
+    """Options in a bench file of any declared instrument on a line of text."""
+
+    def settings(self, address: str) -> tuple[int, str, Flow]:
+        """Baud rate, frame and flow control at an address."""
+        return self.baud, self.frame, self.flow_at(address)  # type: ignore[attr-defined]  # of the made class
+
+
+class _Plain(BaseModel, extra="forbid"):
+    """Options in a bench file of any declared instrument without lines of text."""
+
+
+def options_of(table: Instrument) -> type[Any]:
+    """The options of an instrument in a bench file: its wire, its parameters, limits within its own."""
+    fields: dict[str, Any] = {}
+    wire = table.wire
+    if not table.modbus:
+        fields["baud"] = (int, Field(wire.baud, ge=300, le=921600, description="symbols per second"))
+        fields["frame"] = (Frame, Field(wire.frame, description="data bits, parity, stop bits"))
+        fields["flow"] = (Flow, Field(wire.flow, description="flow control: none, rtscts, xonxoff or dsrdtr"))
+    for name, default in table.parameters.items():
+        fields[name] = (type(default), Field(default, description="parameter of its file"))
+    if table.reader is not None and table.reader.channels:
+        known = tuple(table.reader.channels)
+        fields["channels"] = (tuple[str, ...], Field(known, description=f"channels that are read: {', '.join(known)}"))
+    if table.source is not None:
+        source = table.source
+        for name in ("low", "high", "safe_value"):
+            described = Field(
+                getattr(source, name), ge=source.low, le=source.high, description=f"{name} of this one, within its own"
+            )
+            fields[name] = (float | None, described)
+        for name in ("tolerance", "dwell_s", "time_constant_s"):
+            fields[name] = (float | None, Field(getattr(source, name), ge=0.0, description=f"{name} of this one"))
+    base: Any = _Options if not table.modbus else _Plain
+    made: type[Any] = create_model("Options", __base__=base, **fields)
+    return made
+
+
+@cache
+def driver_of(text: str) -> type[Declared]:
+    """The driver of an instrument's file. Raises `ValueError` with all that is wrong with the file."""
+    table = parse(text)
+    bases: list[type[Declared]] = [Remembering] if table.remembers else []
+    bases += [DeclaredReader] if table.reader is not None else []
+    bases += [DeclaredSource] if table.source is not None else []
+    words = "".join(c if c.isalnum() else "_" for c in f"{table.maker}_{table.model[0]}")
+    constant = table.source.time_constant_s if table.source is not None else None
+    members: dict[str, Any] = {
+        "table": table,
+        "wire": "modbus" if table.modbus else "serial",
+        "shares": bool(table.wire.preamble) or any(f"{{{name}" in table.wire.request for name in table.parameters),
+        "supplied": {} if constant is None else {"time_constant_s": constant},
+        "Options": options_of(table),
+    }
+    return type(words, tuple(bases), members)

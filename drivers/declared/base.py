@@ -1,0 +1,145 @@
+"""Common part of all declared instruments: identity, preparing, settings that are asked again."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+from pydantic import BaseModel
+
+from rig.contracts.declared.exchanges import Check
+from rig.contracts.declared.instrument import Instrument
+from rig.drivers.clock import Clock
+from rig.drivers.declared.talk import Talk
+from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.errors import BadReply, DriverError, WrongInstrument
+from rig.drivers.roles import Identity
+from rig.drivers.wires import Wires
+
+
+class Declared:
+    """An instrument of a file; its roles are in classes that inherit from this one.
+
+    Args:
+        name: the bench's name for it.
+        address: its address.
+        options: options in the bench file.
+        wires: where to open it.
+        clock: bench time.
+
+    Raises:
+        Unreachable: the address cannot be opened.
+    """
+
+    table: ClassVar[Instrument]
+    wire: ClassVar[Medium]
+    shares: ClassVar[bool]
+    supplied: ClassVar[dict[str, Any]]
+    contracts: ClassVar[tuple[ContractFile, ...]] = ()
+    Options: ClassVar[type[BaseModel]]
+
+    def __init__(self, name: str, address: str, options: Any, wires: Wires, clock: Clock) -> None:
+        self.name = name
+        self._clock = clock
+        self._options = options
+        self._talk: Talk = _talk(self.table, name, address, options, wires, clock)
+        self._where = self._talk.where
+        self._prepared = False
+        self._begin()
+
+    def _begin(self) -> None:
+        """State of a role at the start."""
+
+    def identify(self) -> Identity:
+        """Ask for the identity. Nothing else is sent, but for the wire's preamble.
+
+        Raises:
+            WrongInstrument: it is another one.
+            NoReply: it does not answer.
+        """
+        table, asked = self.table, self.table.identity
+        assert asked is not None
+        wanted = f"{table.maker} {' or '.join(table.model)}".strip()
+        try:
+            found = self._talk.once(asked)
+        except BadReply as error:
+            try:
+                found = self._talk.once(asked)
+            except BadReply:
+                raise WrongInstrument(f"{self._where} should be a {wanted}: {error}") from None
+        fields = {"maker": table.maker, "model": table.model[0], "serial": "", "firmware": "", **found.fields}
+        same = fields["model"] in table.model and table.maker in ("", fields["maker"])
+        if asked.is_ is not None:
+            same = same and self._talk.agree(found, asked.is_)
+        if not same:
+            raise WrongInstrument(f"{self._where} should be a {wanted}; it answers {found.printed!r} to {asked.said!r}")
+        return Identity(fields["maker"], fields["model"], fields["serial"], fields["firmware"])
+
+    def prepare(self) -> None:
+        """Send the commands that prepare it one by one, and read settings back.
+
+        Raises:
+            InstrumentError: a command was refused.
+            BadReply: a setting reads back differently.
+        """
+        self._talk.forget_errors()
+        for command in self.table.prepare:
+            self._talk.tell(command)
+        for check in self.table.check:
+            self._verify(check)
+        if self.table.mark is not None:
+            for command in self.table.mark.tell:
+                self._talk.tell(command)
+            self._verify(self.table.mark.check)
+        self._prepared = True
+
+    def _verify(self, check: Check) -> None:
+        if said := self._talk.right(check, check.is_):
+            raise BadReply(f"{self._where}: {said}, after it was prepared")
+
+    def wrong(self) -> Sequence[str]:
+        """Settings that are not as declared: the questions of `check` and `healthy`."""
+        return (*self._unlike(self.table.check), *self._unlike(self.table.healthy))
+
+    def _unlike(self, checks: Sequence[Check]) -> tuple[str, ...]:
+        return tuple(said for check in checks if (said := self._talk.right(check, check.is_)))
+
+    def _lost(self) -> bool:
+        """Whether its power has been off since it was prepared; False if nothing tells."""
+        mark = self.table.mark
+        if mark is not None:
+            found = self._talk.ask(mark.check)
+            return not self._talk.agree(found, mark.check.is_)
+        return self.table.remembers and bool(self._unlike(self.table.check))
+
+    def make_safe(self) -> None:
+        """The safe state of its roles."""
+
+    def close(self) -> None:
+        """Give the panel back if it was prepared, and release the wire; idempotent."""
+        if self._prepared and self.table.local:
+            self._prepared = False
+            with contextlib.suppress(DriverError):
+                for command in self.table.local:
+                    self._talk.tell(command, checked=False)
+        self._talk.close()
+
+
+class Remembering(Declared):
+    """One that is known to have been off (`rig.drivers.roles.Restartable`)."""
+
+    def restarted(self) -> bool:
+        """Whether it has been powered up since `prepare` last ran."""
+        return self._lost()
+
+
+def _talk(table: Instrument, name: str, address: str, options: Any, wires: Wires, clock: Clock) -> Talk:
+    if table.modbus:
+        from rig.drivers.declared.modbus import ModbusTalk  # noqa: PLC0415 - few benches have one
+
+        return ModbusTalk(table, name, address, wires, clock)
+    from rig.drivers.declared.text import TextTalk  # noqa: PLC0415
+
+    parameters = {key: getattr(options, key) for key in table.parameters}
+    return TextTalk(table, name, address, options.settings(address), parameters, wires, clock)

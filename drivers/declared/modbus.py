@@ -1,0 +1,105 @@
+"""Registers, as an instrument's file has them: numbers of one or two words, bits, scales, words for some numbers."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+
+from rig.contracts.declared.exchanges import Ask, Register, Tell
+from rig.contracts.declared.instrument import Instrument
+from rig.drivers.clock import Clock
+from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
+from rig.drivers.errors import BadReply, LimitError
+from rig.drivers.wires import Wires
+
+_FORMATS = {"int16": ">h", "uint16": ">H", "int32": ">i", "uint32": ">I", "float32": ">f"}
+
+
+class ModbusTalk(Talk):
+    """An instrument with registers.
+
+    Args:
+        table: its file.
+        name: the bench's name for it.
+        address: Modbus address.
+        wires: where to open it.
+        clock: bench time.
+
+    Raises:
+        Unreachable: the address cannot be opened.
+    """
+
+    def __init__(self, table: Instrument, name: str, address: str, wires: Wires, clock: Clock) -> None:
+        self.line = wires.modbus(address, name, table.wire.timeout_s)
+        super().__init__(table, clock, self.line.where)
+        self._big = table.wire.word_order == "big"
+        self._free = -math.inf
+
+    def _format(self, one: Register) -> str:
+        return _FORMATS[one.type if one.type in _FORMATS else self.table.wire.type]
+
+    def _number(self, register: int | None) -> int:
+        return (register or 0) - self.table.wire.first_register
+
+    def _paced(self) -> None:
+        if self.table.wire.pace_s or self._free > -math.inf:
+            self.clock.sleep(self._free - self.clock.now())
+            self._free = self.clock.now() + self.table.wire.pace_s
+
+    def _places(self, one: Register) -> float:
+        """Power of ten by the register that says how many decimals a number has. Raises `BadReply`."""
+        if one.decimals is None:
+            return 1.0
+        self._paced()
+        (places,) = self.line.read(self._number(one.decimals))
+        if places > 6:
+            raise BadReply(f"{self.where}: register {one.decimals} should be a number of decimals, and is {places}")
+        return 10.0**-places
+
+    def _read(self, one: Register) -> float:
+        self._paced()
+        number = self._number(one.register_)
+        if one.table in ("coil", "discrete"):
+            return float(self.line.read(number, table=one.table)[0])
+        form = self._format(one)
+        words = self.line.read(number, struct.calcsize(form) // 2, table=one.table)
+        (value,) = struct.unpack(form, struct.pack(f">{len(words)}H", *(words if self._big else reversed(words))))
+        return float(value)
+
+    def once(self, ask: Ask, holes: Holes = NOTHING, timeout_s: float | None = None, *, repeat: bool = True) -> Answer:
+        """Read a register. Raises `NoReply`, `BadReply`, `InstrumentError`."""
+        number = self._read(ask)
+        finite = math.isfinite(number)
+        printed = f"{number:.9g}" if finite else "NaN"
+        meaning = self.meant(ask, printed, number if finite else None)
+        if not finite and not meaning:
+            raise self.bad(ask, printed, "a number")
+        if ask.bit is not None or ask.type == "bit" or ask.table in ("coil", "discrete"):
+            meaning = meaning or ("on" if int(number) >> (ask.bit or 0) & 1 else "off")
+        return Answer({"value": printed}, ask.quantity(number) * self._places(ask), meaning, printed)
+
+    def tell(self, tell: Tell, holes: Holes = NOTHING, *, checked: bool = True) -> None:
+        """Write a register. Never repeated. Raises `InstrumentError`."""
+        value = tell.value if tell.value is not None else float(holes["value"]) / self._places(tell)
+        number = self._number(tell.register_)
+        self._paced()
+        if tell.table == "coil":
+            self.line.write(number, [int(value)], table="coil")
+        else:
+            self.line.write(number, self._words(tell, value))
+        if tell.wait_s:
+            self._free = self.clock.now() + tell.wait_s
+
+    def _words(self, tell: Tell, value: float) -> Sequence[int]:
+        form = self._format(tell)
+        try:
+            data = struct.pack(form, value if form == ">f" else round(value))
+        except (struct.error, OverflowError):
+            raise LimitError(f"{self.where}: {value:g} does not fit into register {tell.register_}") from None
+        words = struct.unpack(f">{len(data) // 2}H", data)
+        return words if self._big else words[::-1]
+
+    def close(self) -> None:
+        """Release the wire; idempotent."""
+        self.line.close()

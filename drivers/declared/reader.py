@@ -1,0 +1,226 @@
+"""A declared instrument that measures: one channel or several, asked one by one or all with one answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rig.contracts.declared.exchanges import Ask
+from rig.contracts.declared.instrument import Channel, Reader
+from rig.drivers.declared.base import Declared
+from rig.drivers.declared.talk import Answer
+from rig.drivers.errors import BadReply, DriverError, LimitError, NotReady
+from rig.drivers.roles import OVERLOAD, is_overload
+from rig.drivers.scpi_learned import PrintedForm
+
+_INPUT = "input"
+_LATE_S = 2.0  # beyond the declared duration; chosen
+_CHARACTERS_PER_READING = 20  # chosen: a number of any maker with its comma
+_MARKS = 31  # bits of the service request mask without an effect on these lines: see `rig.drivers.scpi`
+
+
+class DeclaredReader(Declared):
+    """It satisfies `rig.drivers.roles.Reader`, `WithUnits`, `SelfChecking` and `Learning`."""
+
+    def _begin(self) -> None:
+        super()._begin()
+        assert self.table.reader is not None
+        self._reader: Reader = self.table.reader
+        every = self._reader.channels or {_INPUT: Channel()}
+        wanted = getattr(self._options, "channels", None) or tuple(every)
+        self._channels = {name: every[name] for name in wanted}
+        self._count = self._mark = 0
+        self._due = 0.0
+        self._forms = {name: PrintedForm() for name in self._channels}
+
+    def channels(self) -> Sequence[str]:
+        """Channel labels in scan order; a single-input meter has one channel, "input"."""
+        return tuple(self._channels)
+
+    def units(self) -> Mapping[str, str]:
+        """Unit of each channel's readings, by channel, as at the end of column names ("mV", "kN", "ohm")."""
+        return {name: one.unit or self._reader.unit or "" for name, one in self._channels.items()}
+
+    def prepare(self) -> None:
+        """Give up what was under way, then prepare; see `Declared.prepare`."""
+        self._count = 0
+        self._give_up()
+        super().prepare()
+
+    def learned(self) -> Mapping[str, str | int]:
+        """Its knowledge: the form of its readings."""
+        found = {f"{name} {key}": one for name, form in self._forms.items() for key, one in form.learned.items()}
+        return {key.removeprefix(f"{_INPUT} "): one for key, one in found.items()}
+
+    def recall(self, learned: Mapping[str, str | int]) -> None:
+        """Take the knowledge of an earlier session of the run."""
+        for name, form in self._forms.items():
+            begin = "" if name == _INPUT else f"{name} "
+            form.recall({key.removeprefix(begin): one for key, one in learned.items() if key.startswith(begin)})
+
+    def sweep_s(self) -> float:
+        """Duration of one sweep over all channels, seconds."""
+        each = self._reader.reading_s * (1 + self._reader.discard) + self._reader.settle_s
+        return each * (len(self._channels) if self._one_by_one else 1)
+
+    @property
+    def _one_by_one(self) -> bool:
+        """Whether each channel has a question of its own."""
+        reader = self._reader
+        if reader.select or any(one.reading is not None for one in self._channels.values()):
+            return True
+        return "{channel}" in ((reader.reading or Ask()).ask or "")
+
+    def start(self, count: int) -> float:
+        """Trigger `count` sweeps over all channels; returns the seconds they are expected to take.
+
+        Raises:
+            LimitError: fewer than one reading, or more than its memory holds.
+            InstrumentError: it refuses.
+        """
+        reader = self._reader
+        if not 1 <= count <= reader.most:
+            raise LimitError(f"{self._where} can take 1 to {reader.most} readings at once, not {count}")
+        if reader.start:
+            self._number()
+            for command in reader.start:
+                self._talk.tell(command, {"count": float(count), "mark": float(self._mark)}, checked=False)
+        expected = count * self.sweep_s() if reader.start else 0.0  # otherwise fetching takes the time
+        self._count = count
+        self._due = self._clock.now() + expected
+        return expected
+
+    def fetch(self) -> Mapping[str, Sequence[float]]:
+        """Collect the readings of the last `start`, by channel, waiting for them if necessary.
+
+        Raises:
+            NotReady: nothing was started, or no reading became stable.
+            NoReply: the readings did not come; the measurement has been given up.
+            InstrumentError: it reports an error; its readings are not used.
+            BadReply: the wrong number of readings, or readings of another measurement.
+        """
+        if not self._count:
+            raise NotReady(f"{self._where}: there is nothing to fetch; start a measurement first")
+        count, self._count = self._count, 0
+        try:
+            if self._reader.start:
+                found = self._block(count)
+            else:
+                found = {name: [] for name in self._channels}
+                for _ in range(count):
+                    for name, reading in self._sweep().items():
+                        found[name].append(reading)
+        except DriverError:
+            try:
+                self._talk.raise_errors()  # often the reason
+            finally:
+                self._give_up()
+            raise
+        self._talk.raise_errors()
+        return {name: self._of_one_form(name, readings) for name, readings in found.items()}
+
+    def _of_one_form(self, name: str, readings: Sequence[tuple[str, float]]) -> list[float]:
+        """Values of readings. Raises `BadReply` if one is printed in another form than all before."""
+        odd = self._forms[name].strange([text for text, value in readings if text and not is_overload(value)])
+        if odd:
+            raise BadReply(
+                f"{self._where} printed a reading as {odd!r}, and all before in another form: a character may have "
+                f"been lost or doubled on its way; it is asked again"
+            )
+        return [value for _, value in readings]
+
+    def _number(self) -> None:
+        """Give the next readings a number."""
+        self._mark = self._mark % _MARKS + 1
+        for command in self._reader.number:
+            self._talk.tell(command, {"mark": float(self._mark)}, checked=False)
+
+    def _sweep(self) -> dict[str, tuple[str, float]]:
+        """One reading of every channel."""
+        if not self._one_by_one:
+            assert self._reader.reading is not None
+            found = self._taken(self._reader.reading, {})
+            return {name: self._read(self._reader.reading, one, found) for name, one in self._channels.items()}
+        readings = {}
+        for name, one in self._channels.items():
+            ask = one.reading or self._reader.reading
+            assert ask is not None
+            holes = {"channel": one.is_ or name}
+            for command in self._reader.select:
+                self._talk.tell(command, holes)
+            if self._reader.settle_s:
+                self._clock.sleep(self._reader.settle_s)
+            if self._reader.confirm is not None:
+                self._talk.ask(self._reader.confirm, holes)
+            for _ in range(self._reader.discard):
+                self._taken(ask, holes)
+            readings[name] = self._read(ask, one, self._taken(ask, holes))
+        return readings
+
+    def _taken(self, ask: Ask, holes: Mapping[str, float | str]) -> Answer:
+        """An answer that is stable, as the file demands. Raises `NotReady` if none becomes so."""
+        reader = self._reader
+        end = self._clock.now() + reader.patience_s
+        timeout_s = (reader.reading_s * 1.25 + self.table.wire.timeout_s) if reader.reading_s else None
+        while True:
+            self._number()
+            found = self._talk.once(ask, {**holes, "mark": float(self._mark)}, timeout_s, repeat=False)
+            unstable = found.meaning == "unstable" and reader.unstable == "wait"
+            if not unstable and found.meaning != "busy":
+                break
+            if self._clock.now() >= end:
+                raise NotReady(
+                    f"{self._where} had no stable reading for {reader.patience_s:g} s, last {found.printed!r}"
+                )
+            self._clock.sleep(max(reader.again_s, 0.01))
+        if found.meaning == "unstable" and reader.unstable == "refuse":
+            raise NotReady(f"{self._where} says that its reading {found.printed!r} is not stable")
+        return found
+
+    def _read(self, ask: Ask, channel: Channel, found: Answer) -> tuple[str, float]:
+        """The reading of a channel in an answer: as printed, and its value."""
+        if channel.field != "value":
+            if channel.field not in found.fields:
+                raise self._talk.bad(ask, found.printed, f"{channel.field} in it")
+            text = found.fields[channel.field]
+            if self._talk.meant(ask, text, None) == "overload":
+                return "", OVERLOAD
+            return self._value(text, self._talk.value_of(ask, channel.field, text))
+        if found.meaning == "overload":
+            return "", OVERLOAD
+        if found.value != found.value:
+            raise self._talk.bad(ask, found.printed, "a reading")
+        return self._value(found.fields.get("value", ""), found.value)
+
+    def _value(self, printed: str, value: float) -> tuple[str, float]:
+        if abs(value) >= self._reader.overload:
+            return printed, OVERLOAD if value > 0 else -OVERLOAD
+        return printed, value
+
+    def _block(self, count: int) -> dict[str, list[tuple[str, float]]]:
+        """All readings with one answer, when they are due."""
+        fetch = self._reader.fetch
+        assert fetch is not None
+        self._clock.sleep(self._due - self._clock.now())
+        wanted = count * len(self._channels)
+        sending_s: float = self._talk.takes_s(wanted * _CHARACTERS_PER_READING)
+        seconds = sending_s + count * self.sweep_s() / 4 + _LATE_S + self.table.wire.timeout_s
+        found = self._talk.once(fetch, {"mark": float(self._mark), "count": float(count)}, seconds, repeat=False)
+        words = found.fields["values"].split(",") if "values" in found.fields else [found.fields.get("value", "")]
+        if len(words) != wanted:
+            raise self._talk.bad(fetch, found.printed, f"{wanted} numbers")
+        values: list[Any] = [self._value(word.strip(), fetch.quantity(float(word))) for word in words]
+        return {name: values[n :: len(self._channels)] for n, name in enumerate(self._channels)}
+
+    def make_safe(self) -> None:
+        """A running measurement is given up; nothing else can do harm."""
+        super().make_safe()
+        self._count = 0
+        self._give_up()
+
+    def _give_up(self) -> None:
+        self._talk.drain()
+        for command in self._reader.abort:
+            self._talk.tell(command, checked=False)
+        if self._reader.abort:
+            self._talk.forget_errors()

@@ -1,0 +1,165 @@
+"""A declared instrument that sets one quantity: a bath, a chamber, a calibrator, a controller of flow or pressure.
+
+Every setpoint is read back before the output is switched on. One that has been off since it was prepared is not
+switched on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+from rig.contracts.declared.instrument import Source
+from rig.drivers.declared.base import Declared
+from rig.drivers.errors import BadReply, DriverError, LimitError, NotReady
+from rig.drivers.roles import SourceState
+
+_ON, _OFF = {"1", "ON"}, {"0", "OFF"}
+
+
+class DeclaredSource(Declared):
+    """It satisfies `rig.drivers.roles.Source` and `SelfChecking`."""
+
+    def _begin(self) -> None:
+        super()._begin()
+        assert self.table.source is not None
+        self._source: Source = self.table.source.model_copy(update=self._own())
+        self._near_since: float | None = None  # begin of the time within tolerance
+        self._set_at = self._clock.now()
+        self._told: float | None = None  # the last setpoint, for one that cannot be asked
+
+    def _own(self) -> dict[str, Any]:
+        """Values that the bench file gives instead of those of the file."""
+        keys = ("low", "high", "tolerance", "dwell_s", "safe_value")
+        return {key: one for key in keys if (one := getattr(self._options, key, None)) is not None}
+
+    def unit(self) -> str:
+        """Its unit as at the end of column names ("V", "kN", "degC"); a factor that it sets has the same unit."""
+        return self._source.unit or ""
+
+    def limits(self) -> tuple[float, float]:
+        """Lowest and highest accepted setpoint, in its unit."""
+        assert self._source.low is not None
+        assert self._source.high is not None
+        return self._source.low, self._source.high
+
+    def set(self, value: float) -> None:
+        """Command a setpoint with the output on.
+
+        Raises:
+            LimitError: outside the limits, or not a number.
+            NotReady: it has been switched off since it was prepared.
+            InstrumentError: it refuses.
+            BadReply: setpoint or output read back differently; the output has been switched off again.
+        """
+        low, high = self.limits()
+        if not low <= value <= high:
+            raise LimitError(f"{self._where}: {value:g} {self.unit()} is outside {low:g} to {high:g}")
+        if self._lost():  # its ranges and limits are those of power-on, not those of `prepare`
+            raise NotReady(f"{self._where} has been switched off since it was prepared, and is not switched on")
+        self._talk.forget_errors()
+        self._near_since, self._set_at = None, self._clock.now()
+        try:
+            self._command(value)
+            if self._source.on and self._state() != "on":
+                for command in self._source.on:
+                    self._talk.tell(command)
+                if self._state() != "on":
+                    raise BadReply(f"{self._where}: the output does not switch on")
+        except BadReply:
+            self._shut()
+            raise
+        self._set_at = self._clock.now()
+
+    def _command(self, value: float) -> None:
+        """Send a setpoint and read it back. Raises `InstrumentError`, `BadReply`."""
+        for command in self._source.set:
+            self._talk.tell(command, {"value": command.shown(value)})
+        self._told = value
+        if self._source.setpoint is None:
+            return
+        found = self._talk.number(self._source.setpoint)
+        if not abs(found - value) <= self._source.nearness:
+            raise BadReply(f"{self._where}: {self._source.setpoint.said} should answer {value:g} and answers {found:g}")
+
+    def _state(self) -> str:
+        """One of "on", "off" and "vent"; one that cannot be switched is always on. Raises `BadReply`."""
+        ask = self._source.output
+        if ask is None:
+            return "on"
+        found = self._talk.ask(ask)
+        if found.meaning in ("on", "off", "vent"):
+            return found.meaning
+        word = found.printed.upper().lstrip("+")
+        if word not in _ON | _OFF:
+            raise self._talk.bad(ask, found.printed, "a word for on, off or vent")
+        return "on" if word in _ON else "off"
+
+    def _setpoint(self) -> float:
+        if self._source.setpoint is not None:
+            return self._talk.number(self._source.setpoint)
+        return (
+            self._told if self._told is not None else self._talk.number(self._source.read) if self._source.read else 0.0
+        )
+
+    def read(self) -> SourceState:
+        """Read its state."""
+        source = self._source
+        setpoint = self._setpoint()
+        state = self._state()
+        value = setpoint
+        if source.read is not None and (state == "on" or source.read_off):
+            value = self._talk.number(source.read)
+        settled = state == "on" and self._settled(setpoint, value)
+        at_safe = source.safe_value is not None and abs(setpoint - source.safe_value) <= source.nearness
+        safe = state != "on" if source.off else at_safe
+        return SourceState(setpoint, value, settled, state == "on", safe, self._unlike(self.table.healthy))
+
+    def _settled(self, setpoint: float, value: float) -> bool:
+        """Whether it has arrived: by its own word, by its reading, or by the time since it was set."""
+        source, now = self._source, self._clock.now()
+        if source.settled is not None:
+            found = self._talk.ask(source.settled)
+            return found.meaning in ("stable", "on") or (not found.meaning and found.printed in _ON)
+        if source.tolerance is None:
+            return now - self._set_at >= source.dwell_s
+        if abs(value - setpoint) > source.tolerance:
+            self._near_since = None
+            return False
+        if self._near_since is None:
+            self._near_since = now
+        return now - self._near_since >= source.dwell_s
+
+    def stop(self) -> None:
+        """Hold the present value: it becomes the setpoint."""
+        state = self.read()
+        if not state.output or state.settled:
+            return
+        if self._source.hold:
+            for command in self._source.hold:
+                self._talk.tell(command)
+        else:
+            low, high = self.limits()
+            self._command(min(max(state.value, low), high))
+        self._set_at = self._clock.now()
+
+    def make_safe(self) -> None:
+        """The safe state: the safe value if there is one, then the output off; both are read back.
+
+        Raises:
+            NotReady: it is not in its safe state.
+        """
+        super().make_safe()
+        self._talk.forget_errors()
+        self._shut()
+        if not self.read().safe:
+            raise NotReady(f"{self._where} is not in its safe state: switch it off by hand")
+
+    def _shut(self) -> None:
+        """Send the safe value and switch off; a step that fails does not prevent the next. Its state is read later."""
+        if self._source.safe_value is not None:
+            with contextlib.suppress(DriverError):
+                self._command(self._source.safe_value)
+        for command in self._source.off:
+            with contextlib.suppress(DriverError):
+                self._talk.tell(command)

@@ -1,0 +1,322 @@
+"""Lines of text, as an instrument's file has them: filled in, put into their frame, and read by their forms."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from rig.contracts.declared.exchanges import Ask, Tell
+from rig.contracts.declared.forms import TEXTS, Form
+from rig.contracts.declared.instrument import Instrument
+from rig.contracts.declared.sums import checksum
+from rig.drivers.clock import Clock
+from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
+from rig.drivers.errors import BadReply, DriverError, InstrumentError, NoReply
+from rig.drivers.scpi import agrees
+from rig.drivers.scpi_learned import same_unit
+from rig.drivers.wires import SerialLine, SerialSettings, Wires
+from rig.drivers.wires.serial_options import Flow
+
+_PERIODS = 3  # a line that is torn, one that is lost, and one more
+_MOST_ERRORS = 32  # chosen: a queue that does not end is a garbled answer
+
+
+class _Compiled(NamedTuple):
+    """A question or command with its forms made once."""
+
+    request: Form
+    fixed: str | None
+    answers: tuple[Form, ...]
+
+
+class TextTalk(Talk):
+    """An instrument that takes lines of text.
+
+    Args:
+        table: its file.
+        name: the bench's name for it.
+        address: text address.
+        baud, frame, flow: as the bench file has them.
+        parameters: by name.
+        wires: where to open it.
+        clock: bench time.
+
+    Raises:
+        Unreachable: the address cannot be opened.
+    """
+
+    def __init__(
+        self,
+        table: Instrument,
+        name: str,
+        address: str,
+        settings: tuple[int, str, Flow],
+        parameters: Mapping[str, str | int],
+        wires: Wires,
+        clock: Clock,
+    ) -> None:
+        wire, self._parameters = table.wire, parameters
+        baud, frame, flow = settings
+        self._shared = bool(wire.preamble) or any(hole in wire.request for hole in parameters)
+        self.line: SerialLine = wires.serial(
+            address,
+            SerialSettings(
+                baud,
+                frame,  # type: ignore[arg-type]  # the schema has the same list
+                flow,
+                send_end=wire.send_end.encode("ascii"),
+                reply_end=(wire.reply_end or wire.send_end).encode("ascii")[-1:],
+                timeout_s=wire.timeout_s,
+                sync=None if self._shared or wire.echo else _sync(table),
+            ),
+            name,
+        )
+        super().__init__(table, clock, self.line.where)
+        self._request, self._reply = (self._form(text) for text in (wire.request, wire.reply))
+        self._plain = wire.request == "{line}" and wire.reply == "{line}"
+        self._free = -math.inf  # the time from which the next line may be sent
+        self._compiled: dict[int, _Compiled] = {}
+        self._refusals = [self._form(text) for text in table.errors.replies]
+        self._errors = [self._form(text) for text in table.errors.answer]
+        self._begun = False
+
+    def _form(self, text: str, words: frozenset[str] = frozenset()) -> Form:
+        return Form(text, words).filled(self._parameters)
+
+    def _of(self, one: Ask | Tell) -> _Compiled:
+        """A question or command with its forms; they are made at its first use."""
+        found = self._compiled.get(id(one))
+        if found is None:
+            if isinstance(one, Ask):
+                words, forms, line = frozenset({**self.table.words, **one.words}), one.forms, one.ask
+            else:
+                words, forms, line = frozenset(), one.answer, one.tell
+            request = self._form(line or "")
+            fixed = None if request.fields else request.write({})
+            found = _Compiled(request, fixed, tuple(self._form(form, words) for form in forms))
+            self._compiled[id(one)] = found
+        return found
+
+    def _begin(self) -> None:
+        """Keep the distance of lines; take the wire if another instrument has used it."""
+        wire = self.table.wire
+        if wire.pace_s or self._free > -math.inf:
+            self.clock.sleep(self._free - self.clock.now())
+            self._free = self.clock.now() + wire.pace_s
+        if self._shared and self.line.user is not self:
+            for text in wire.preamble:
+                self.line.write(self._form(text).write({}))
+            self.line.user = self
+            if wire.preamble and not self._begun:
+                self.line.drain()
+        self._begun = True
+
+    def _framed(self, line: str) -> str:
+        if self._plain:
+            return line
+        text = self._request.write({"line": line, "checksum": "\0"})
+        before, mark, after = text.partition("\0")
+        return before + checksum(self.table.wire.checksum, before) + after if mark else text
+
+    def _unframed(self, question: str, line: str) -> str:
+        if self._plain:
+            return line
+        found = self._reply.read(line)
+        if found is None:
+            raise self.line.bad_reply(question, line, f"an answer in the frame {self.table.wire.reply!r}")
+        if "checksum" in found:
+            right = checksum(self.table.wire.checksum, line[: line.rindex(found["checksum"])])
+            if found["checksum"].upper() != right:
+                raise self.line.bad_reply(question, line, f"the checksum {right}")
+        return found["line"]
+
+    def _write(self, line: str) -> None:
+        self._begin()
+        if self.table.wire.echo:
+            self._query(line, 0, None, repeat=False)
+        else:
+            self.line.write(self._framed(line))
+
+    def _query(self, line: str, lines: int, timeout_s: float | None, *, repeat: bool) -> str:
+        """The answer to a line. Raises `NoReply`, `BadReply`."""
+        self._begin()
+        sent = self._framed(line)
+        if not self.table.wire.echo:
+            found = self.line.query_lines(sent, lines, timeout_s, repeat=repeat)
+        else:
+            first, *found = self.line.query_lines(sent, lines + 1, timeout_s, repeat=repeat)
+            if first != sent.strip():
+                raise self.line.bad_reply(sent, first, "the line itself: it echoes")
+        return " ".join(self._unframed(sent, one) for one in found)
+
+    def bad(self, ask: Ask, answer: object, expected: str) -> BadReply:
+        """The error for an answer that makes no sense; the line is synchronised before its next use."""
+        return self.line.bad_reply(ask.said, answer, expected)
+
+    def once(self, ask: Ask, holes: Holes = NOTHING, timeout_s: float | None = None, *, repeat: bool = True) -> Answer:
+        """Ask once, or twice if no answer comes and `repeat`."""
+        compiled = self._of(ask)
+        line = compiled.fixed if compiled.fixed is not None else compiled.request.write(holes)
+        if ask.ask is None:
+            return self.read(ask, self._heard(), holes)
+        try:
+            raw = self._query(line, ask.lines, timeout_s or ask.timeout_s, repeat=repeat)
+        except NoReply:
+            if line != self.table.errors.ask:
+                with contextlib.suppress(NoReply, BadReply):
+                    self.raise_errors(line)
+            raise
+        return self.read(ask, raw, holes)
+
+    def _heard(self) -> str:
+        """The first line that begins from now on, of an instrument that talks by itself."""
+        self._begin()
+        raw = self.line.heard(self.table.wire.timeout_s + _PERIODS * self.table.wire.period_s)
+        return self._unframed("its lines", raw)
+
+    def read(self, ask: Ask, raw: str, holes: Holes = NOTHING) -> Answer:
+        """The meaning of an answer. Raises `BadReply`, `InstrumentError`."""
+        compiled = self._of(ask)
+        for form in compiled.answers:
+            fields = form.read(raw)
+            if fields is not None:
+                return self._meaning(ask, form, fields, raw, holes)
+        self._refused(ask.said, raw)
+        raise self.bad(ask, raw, " or ".join(f"an answer as in {text!r}" for text in ask.forms))
+
+    def _refused(self, said: str, raw: str) -> None:
+        """Raise `InstrumentError` if an answer means one."""
+        for form in self._refusals:
+            fields = form.read(raw)
+            if fields is not None:
+                raise self._error(f"{self.where}, after {said!r},", fields.get("code", ""), fields.get("text", ""), raw)
+
+    def _error(self, where: str, code: str, text: str, raw: str) -> InstrumentError:
+        words = self.table.errors.codes.get(code) or self.table.errors.codes.get(code.lstrip("+0")) or text.strip('" ')
+        number = int(code) if code.lstrip("+-").isdecimal() else 0
+        return InstrumentError(where, number, words or f"it refuses ({raw})")
+
+    def _meaning(self, ask: Ask, form: Form, fields: Mapping[str, str], raw: str, holes: Holes) -> Answer:
+        value, meaning, printed = math.nan, "", raw
+        words = ask.words or self.table.words
+        for name, text in fields.items():
+            field = form.fields[name]
+            if name == "value":
+                printed = text
+                meaning = meaning or (self.meant(ask, text, self._number(ask, form, raw, text)) if words else "")
+                number = self._number(ask, form, raw, text)
+                if ask.bit is not None:
+                    meaning = "on" if int(number) >> ask.bit & 1 else "off"
+                value = ask.quantity(number)
+            elif name == "unit":
+                self._same_unit(ask, raw, text)
+            elif name in holes:
+                if not agrees(text, holes[name]):
+                    raise self.bad(ask, raw, f"{name} {holes[name]}: this is another one's answer")
+            elif words and not field.number and name not in TEXTS:
+                meaning = meaning or self.meant(ask, text, None)
+                printed = text if "value" not in fields else printed
+        if "value" not in fields and len(fields) == 1:
+            printed = next(iter(fields.values()))
+        return Answer(fields, value, meaning, printed)
+
+    def _number(self, ask: Ask, form: Form, raw: str, text: str) -> float:
+        field = form.fields["value"]
+        try:
+            number = field.read(text)
+        except ValueError:
+            raise self.bad(ask, raw, "a number") from None
+        bits = 4 * (field.width or len(text))
+        return number - (1 << bits) if ask.signed and int(number) >> (bits - 1) & 1 else number
+
+    def value_of(self, ask: Ask, field: str, text: str) -> float:
+        """The number in another field of an answer, as quantity. Raises `BadReply`."""
+        form = next(form for form in self._of(ask).answers if field in form.fields)
+        try:
+            return ask.quantity(form.fields[field].read(text))
+        except ValueError:
+            raise self.bad(ask, text, f"a number as {field}") from None
+
+    def _same_unit(self, ask: Ask, raw: str, printed: str) -> None:
+        table = self.table
+        declared = [part.unit for part in (table.reader, table.source) if part is not None and part.unit]
+        if table.reader is not None:
+            declared += [one.unit for one in table.reader.channels.values() if one.unit]
+        if not any(same_unit(printed, unit) or table.units.get(printed) == unit for unit in declared):
+            raise self.bad(ask, raw, f"a number in {' or '.join(declared)}; was its unit changed at the panel?")
+
+    def tell(self, tell: Tell, holes: Holes = NOTHING, *, checked: bool = True) -> None:
+        """Send a command; if `checked`, look whether it was refused. Never repeated."""
+        compiled = self._of(tell)
+        line = compiled.fixed if compiled.fixed is not None else compiled.request.write(holes)
+        if tell.answer:
+            raw = self._query(line, 1, None, repeat=False)
+            if all(form.read(raw) is None for form in compiled.answers):
+                self._refused(line, raw)
+                raise self.line.bad_reply(line, raw, " or ".join(map(repr, tell.answer)))
+        else:
+            self._write(line)
+        if tell.wait_s:
+            self._free = self.clock.now() + tell.wait_s
+        if checked:
+            self.raise_errors(line)
+
+    def raise_errors(self, line: str = "") -> None:
+        """Ask for errors. Raises `InstrumentError` with the first; the others are in its text."""
+        errors, found = self.table.errors, []
+        if errors.ask is None:
+            return
+        where = f"{self.where}, after {line!r}," if line else self.where
+        for _ in range(_MOST_ERRORS if errors.queue else 1):
+            raw = self._query(errors.ask, 1, None, repeat=False)
+            fields = next((f for form in self._errors if (f := form.read(raw)) is not None), None)
+            if fields is None:
+                raise self.line.bad_reply(errors.ask, raw, f"an answer as in {errors.answer[0]!r}")
+            code = fields.get("code", "")
+            if errors.bits:
+                mask = int(code) if code.lstrip("+").isdecimal() else 0
+                words = [text for bit, text in errors.bits.items() if mask >> int(bit) & 1]
+                found += [InstrumentError(where, mask, " and ".join(words))] if words else []
+                break
+            if code == errors.none or (errors.none.isdecimal() and agrees(code, float(errors.none))):
+                break
+            found.append(self._error(where, code, fields.get("text", ""), raw))
+        if found:
+            first, *others = found
+            raise InstrumentError(where, first.code, first.text + "".join(f"; then {e.code} {e.text}" for e in others))
+
+    def forget_errors(self) -> None:
+        """Empty the error queue of errors that are nobody's; an answer that makes no sense is left for later."""
+        for _ in range(2 if self.table.errors.ask is not None else 0):
+            try:
+                self.raise_errors()
+            except InstrumentError:
+                continue
+            except DriverError:
+                self.line.drain()
+            return
+
+    def takes_s(self, characters: int) -> float:
+        """Maximum bench seconds for this many characters on the wire."""
+        return self.line.takes_s(characters)
+
+    def drain(self) -> None:
+        """Listen until it is silent; one that talks by itself never is."""
+        if self.table.wire.protocol != "stream":
+            self.line.drain()
+
+    def close(self) -> None:
+        """Release the wire; idempotent."""
+        self.line.close()
+
+
+def _sync(table: Instrument) -> tuple[str, str] | None:
+    """A question for synchronisation, and a text in all its answers: the identity, if it says enough."""
+    identity = table.identity
+    if identity is None or identity.ask is None or "{" in identity.ask:
+        return None
+    known = {"maker": table.maker, "model": table.model[0]} if len(table.model) == 1 else {}
+    literal = Form(identity.forms[0]).filled(known).literal if len(identity.forms) == 1 else ""
+    return (identity.ask, literal) if len(literal) >= 3 else None

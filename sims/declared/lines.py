@@ -1,0 +1,244 @@
+"""Twin of a declared instrument on a line of text: it knows the lines of its file, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from math import isnan
+from typing import Any, NamedTuple
+
+from rig.contracts.declared.exchanges import Ask, Tell
+from rig.contracts.declared.forms import Field, Form
+from rig.contracts.declared.sums import checksum
+from rig.sims.declared.behaviour import OVERLOAD, Behaviour, Refused, Said
+from rig.sims.world import World
+
+_COMMAND_S = 0.003  # time for one line [?]
+_PRINTED = {"degC": "C", "degF": "F", "pct": "%"}
+
+
+class _Line(NamedTuple):
+    """A line that it knows: its form, its place in the file, and what it is there."""
+
+    form: Form
+    place: str
+    what: Ask | Tell | None
+
+
+class LinesTwin(Behaviour):
+    """The twin; see `rig.sims.twin.SerialTwin`."""
+
+    def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str) -> None:
+        wire = self.table.wire
+        self.baud = int(str(options.get("baud", wire.baud)))
+        self.frame = str(options.get("frame", wire.frame))
+        self._parameters: dict[str, str | int] = {
+            key: type(default)(str(options.get(key, default))) for key, default in self.table.parameters.items()
+        }
+        self._send_end = wire.send_end.encode("ascii")
+        self._reply_end = (wire.reply_end or wire.send_end).encode("ascii")
+        self._request, self._reply = self._form(wire.request), self._form(wire.reply)
+        self._lines = [_Line(self._form(line), "preamble", None) for line in wire.preamble]
+        for place, ask in self.table.asks():
+            if ask.ask is not None:
+                self._lines.append(_Line(self._form(ask.ask), place, ask))
+        self._lines += [
+            _Line(self._form(tell.tell), place, tell) for place, tell in self.table.tells() if tell.tell is not None
+        ]
+        self._lines.sort(key=lambda line: len(line.form.fields))  # whole lines before those with something to fill in
+        self._forms: dict[tuple[int, str], Form] = {}
+        self._session, self._input, self._free = 0, b"", 0.0
+        self._host: Callable[[bytes], None] | None = None
+        super().__init__(name, options, world, plant, serial)
+
+    def _form(self, text: str) -> Form:
+        return Form(text).filled(self._parameters)
+
+    def switch_on(self) -> None:
+        """State at power-on; a stream begins."""
+        super().switch_on()
+        self._session += 1
+        self._input = b""
+        self._talk_on()
+
+    def connected(self, tx: Callable[[bytes], None]) -> None:
+        """A host is there: it hears a stream."""
+        begun, self._host = self._host is not None, tx
+        if not begun:
+            self._talk_on()
+
+    def _talk_on(self) -> None:
+        wire = self.table.wire
+        if wire.protocol == "stream" and self._host is not None:
+            self.world.call_in(wire.period_s, partial(self._say, self._session))
+
+    def _say(self, session: int) -> None:
+        if session == self._session and self._host is not None:
+            place, ask = next((place, ask) for place, ask in self.table.asks() if place.startswith("reader."))
+            self._send(self._printed(ask, self.answers(place, ask, {}), {}), self._host, session)
+            self._talk_on()
+
+    def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
+        """Collect characters until a line ends; each line takes its time."""
+        *lines, self._input = (self._input + data).split(self._send_end)
+        for line in lines:
+            now = self.world.now()
+            self._free = max(now, self._free) + _COMMAND_S
+            self.world.call_in(self._free - now, partial(self._line, line.decode("latin-1"), tx, self._session))
+
+    def _line(self, text: str, tx: Callable[[bytes], None], session: int) -> None:
+        if session != self._session:
+            return
+        if self.table.wire.echo:
+            tx(text.encode("latin-1") + self._reply_end)
+        line = self._unframed(text.strip(" \r\n"))
+        if line is None:
+            return
+        try:
+            found = self._carried_out(line)
+        except Refused:
+            found = self._refusal()
+        if found is None:
+            return
+        answer, after_s = found
+        sent = partial(self._send, answer, tx, session)
+        if after_s > 0:
+            self._free = self.world.now() + after_s
+            self.world.call_in(after_s, sent)
+        else:
+            sent()
+
+    def _send(self, answer: str | Callable[[], str], tx: Callable[[bytes], None], session: int) -> None:
+        if session == self._session:
+            tx(self._framed(answer if isinstance(answer, str) else answer()).encode("latin-1") + self._reply_end)
+
+    def _unframed(self, text: str) -> str | None:
+        """The line in its frame; None if it is for another instrument, or damaged."""
+        if self.table.wire.request == "{line}":
+            return text
+        found = self._request.read(text)
+        if found is None:
+            return None
+        if "checksum" in found:
+            begin = text[: text.rindex(found["checksum"])]
+            if found["checksum"].upper() != checksum(self.table.wire.checksum, begin):
+                return None
+        return found["line"]
+
+    def _framed(self, line: str) -> str:
+        if self.table.wire.reply == "{line}":
+            return line
+        text = self._reply.write({"line": line, "checksum": "\0"})
+        before, mark, after = text.partition("\0")
+        return before + checksum(self.table.wire.checksum, before) + after if mark else text
+
+    def _carried_out(self, line: str) -> tuple[str | Callable[[], str], float] | None:
+        """The answer to a line, and when it comes. Raises `Refused`."""
+        if line == self.table.errors.ask:
+            return self._told_error(), 0.0
+        for form, place, what in self._lines:
+            fields = form.read(line, strict=False)
+            if fields is None:
+                continue
+            holes: dict[str, float | str] = {
+                name: form.fields[name].read(text) if name in ("value", "count", "mark") else text
+                for name, text in fields.items()
+            }
+            if isinstance(what, Tell):
+                self.does(place, what, holes)
+                return (Form(what.answer[0]).filled(self._parameters).write({}), what.wait_s) if what.answer else None
+            if what is None:
+                return None
+            said = self.answers(place, what, holes)
+            if said.after_s > 0:
+                return partial(self._later, place, what, holes), said.after_s
+            return self._printed(what, said, holes), 0.0
+        raise Refused
+
+    def _later(self, place: str, ask: Ask, holes: Mapping[str, float | str]) -> str:
+        return self._printed(ask, self.answers(place, ask, holes), holes)
+
+    def _refusal(self) -> tuple[str, float] | None:
+        errors = self.table.errors
+        self.queue.append("unknown")
+        if errors.replies:
+            form = self._form(errors.replies[0])
+            return form.write({name: self._code() if name == "code" else "refused" for name in form.fields}), 0.0
+        return None
+
+    def _code(self) -> str:
+        errors = self.table.errors
+        return next(iter(errors.codes), str(1 << int(next(iter(errors.bits)))) if errors.bits else "-113")
+
+    def _told_error(self) -> str:
+        errors, form = self.table.errors, self._form(self.table.errors.answer[0])
+        code = self._code() if self.queue else errors.none
+        self.queue = self.queue[1:] if errors.queue and not errors.bits else []
+        words = errors.codes.get(code, "refused") if code != errors.none else "No error"
+        said = {"code": code, "text": f'"{words}"' if '"' not in form.text else words}
+        return form.write({name: said.get(name, "0") for name in form.fields})
+
+    def _of(self, ask: Ask, text: str) -> Form:
+        key = id(ask), text
+        if key not in self._forms:
+            self._forms[key] = Form(text, frozenset(ask.words or self.table.words)).filled(self._parameters)
+        return self._forms[key]
+
+    def _printed(self, ask: Ask, said: Said, holes: Mapping[str, float | str]) -> str:
+        """An answer in the first form for which everything is known."""
+        words = {meaning: word for word, meaning in reversed({**self.table.words, **ask.words}.items())}
+        told = said.meaning == "overload" and "overload" in words
+        forms = [self._of(ask, text) for text in ask.forms]
+        if told:  # the form without a number, if there is one
+            forms.sort(key=lambda form: "value" in form.fields)
+        for form in forms:
+            fields = {name: self._field(ask, field, said, words, holes) for name, field in form.fields.items()}
+            if all(one is not None for one in fields.values()):
+                return form.write({name: one for name, one in fields.items() if one is not None})
+        raise Refused
+
+    def _field(
+        self, ask: Ask, field: Field, said: Said, words: Mapping[str, str], holes: Mapping[str, float | str]
+    ) -> float | str | None:
+        name = field.name
+        if name in said.fields:
+            found: Any = said.fields[name]
+            if isinstance(found, list):
+                return ",".join(f"{one:+.9E}" for one in found)
+            return self._number(ask, field, found) if isinstance(found, float) and name not in ("mark",) else found
+        if name in holes:
+            return holes[name]
+        if name == "unit":
+            return self._unit()
+        if name == "value":
+            if ask.bit is not None:
+                return float(1 << ask.bit if said.meaning in ("on", "stable") else 0)
+            if isnan(said.value) or (said.meaning in words and said.meaning in ("on", "off", "vent", "overload")):
+                return words.get(said.meaning)
+            return self._number(ask, field, said.value)
+        if said.meaning in words:
+            return words[said.meaning]
+        if words or said.meaning in ("on", "off"):
+            return words.get("stable") or {"on": "1", "off": "0"}.get(said.meaning)
+        return "0"
+
+    def _number(self, ask: Ask, field: Field, value: float) -> float | str:
+        number = ask.shown(value) if abs(value) < OVERLOAD / 2 else value
+        if field.kind == "x":
+            whole = round(number)
+            return float(whole + (1 << 4 * field.width) if whole < 0 else whole)
+        if not field.kind and field.decimals < 0 and not field.width:
+            return (
+                f"{number:+.9E}"
+                if self.table.reader is not None and not self.table.reader.resolution
+                else f"{number:.9g}"
+            )
+        if field.width and len(field.write(number)) > field.width:  # it does not fit: the largest that does
+            return float("9" * max(field.width - 2 - max(field.decimals, 0), 1))
+        return number
+
+    def _unit(self) -> str:
+        table = self.table
+        unit = next(part.unit for part in (table.reader, table.source) if part is not None and part.unit)
+        own = next((word for word, meaning in table.units.items() if meaning == unit), None)
+        return own or _PRINTED.get(unit or "", (unit or "").replace("_per_", "/"))
