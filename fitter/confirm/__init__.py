@@ -1,7 +1,7 @@
 """A further run compared with a traced one: the remaining explanation, and the expected result of a planned run."""
 
 from rig.fitter.confirm.compare import CARRIED_ON, NOTHING, Pair
-from rig.fitter.confirm.judgement import Confirmation, Confirmed, Member, confirm, confirm_all
+from rig.fitter.confirm.judgement import BY_BOTH, Confirmation, Confirmed, Member, confirm, confirm_all
 from rig.fitter.confirm.points import Choice, Points
 from rig.fitter.confirm.predict import Separation, separation
 from rig.fitter.confirm.prediction import SensorError
@@ -11,6 +11,7 @@ from rig.fitter.confirm.still_open import still_open
 from rig.fitter.confirm.together import Together
 
 __all__ = [
+    "BY_BOTH",
     "CARRIED_ON",
     "NOTHING",
     "Choice",

@@ -33,6 +33,8 @@ PREDICTED = 0.1
 settings for steps and readings for moments, so a run of another order or other hold times gives it another size."""
 
 
+BY_BOTH = ", by both runs"
+"""Behind a size that is that of both runs."""
 APART = 1.7
 """Half-widths of a 95 % interval by which two runs' sizes differ: 3.3 standard errors, as by `CHANGED`."""
 Returns = Literal["shown", "other size", "absent", "unknown"]
@@ -420,9 +422,7 @@ def _sizes(both: Together, member: Hypothesis, found: Sizes) -> dict[str, str]:
         names = [member.terms[k].term.name for k in mine]
         values = dict(zip(names, alone[mine].tolist(), strict=True))
         ends = {name: intervals[k] for name, k in zip(names, mine, strict=True)}
-        text = ", ".join([size_with_95(size, values, ends, slope), *constants]) + (
-            ", by both runs" if constants else ""
-        )
+        text = ", ".join([size_with_95(size, values, ends, slope), *constants]) + (BY_BOTH if constants else "")
         out.setdefault(sensor, []).append(f"{cause} {text}" if len(causes) > 1 else text)
     return {sensor: "; ".join(texts) for sensor, texts in out.items()}
 

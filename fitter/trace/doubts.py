@@ -57,10 +57,10 @@ def not_sudden() -> str:
 
 
 def bundle(names: Sequence[str]) -> str:
-    """Sentence about several names found together."""
+    """Sentence about several names found together; of more than two each has it, so that it does not list them."""
+    which = f" ({', '.join(names)})" if len(names) == 2 else ""
     return (
-        f"{len(names)} effects were found together in the same readings ({', '.join(names)}): one unlisted cause "
-        "would look like this"
+        f"{len(names)} effects were found together in the same readings{which}: one unlisted cause would look like this"
     )
 
 

@@ -58,16 +58,15 @@ class Common:
                 f"{self.effect} is in {count}, with {'both signs' if self.both_signs else sizes}: "
                 f"each has a cause of its own, or all respond to one cause in their own way"
             )
-        pairs = [f"in {name} (p {p:.2g})" for name, p in zip(self.same_in, self.p, strict=True)]
         settings = [name for name in self.same_in if name not in {spelled(unit_of(one)) for one in self.outputs}]
         places = [*(["a supply or reader that they share"] if len(settings) < len(self.same_in) else [])]
         places += [f"the source or the reference of {name}" for name in settings]
         tells = ["read one of them with another reader or supply"] if len(settings) < len(self.same_in) else []
         tells += [f"repeat the run with another source or reference of {name}" for name in settings]
         return (
-            f"{self.effect} is common to {count}: of one size {' and '.join(pairs)}, within errors. Runs like this one "
-            f"cannot tell the sensors from what they share: {', '.join(places)}. One cause there is more likely than "
-            f"{len(self.outputs)} alike. To tell: {', and '.join(tells)}"
+            f"{self.effect} is common to {count}: of one size in {' and in '.join(self.same_in)}, within errors. Runs "
+            f"like this one cannot tell the sensors from what they share: {', '.join(places)}. One cause there is more "
+            f"likely than {len(self.outputs)} alike. To tell: {', and '.join(tells)}"
         )
 
     def to_json(self) -> dict[str, Any]:

@@ -121,7 +121,8 @@ def with_effects(
             parts[output][effect.effect] = part
             if part.holds:
                 holds[output][name] = part.holds
-            notes[output].append(_used(name, part, output, asked.table, covered=covered))
+            if not (covered and part.holds):  # a budget says for which states it holds, and how far the run was away
+                notes[output].append(_used(name, part, output, asked.table, covered=covered))
     for output in traced.not_traced:
         notes[output] = ["it was not traced: its declared model is not linear in its coefficients"]
     runs = (
@@ -155,20 +156,14 @@ def _run_with(asked: RunModels, parts: Mapping[str, Mapping[str, Part]]) -> RunM
     return replace(asked, table=replace(table, columns=columns)).adding(terms)
 
 
-_OF_THAT_STATE = "intervals are of that state alone"
-
-
 def _used(name: str, part: Part, output: str, table: Table, *, covered: bool) -> str:
     if part.holds:
         size = f"{np.max(np.abs(part.off)):.3g} {unit_of(output)}".strip()
-        both_ways = part.holds == HALF_WAY
-        own = "the difference is in their uncertainty, as reversibility" if both_ways else _OF_THAT_STATE
-        inside = own if covered else KNOWN
         return (
             f"{name} was fitted and taken off: the calibration holds {part.holds}. In the run {output} was up to "
-            f"{size} away from that: {inside}"
+            f"{size} away from that: {KNOWN}"
         )
-    told = f"{name} is in the calibration: {', '.join(part.terms)}"
+    told = f"{name} is in the {'model of the results' if covered else 'calibration'}: {', '.join(part.terms)}"
     used = [one for one in recorded(table) if any(one in _NAME.findall(term) for term in part.terms)]
     where = ", ".join(f"{one} ({np.min(table.columns[one]):.5g} to {np.max(table.columns[one]):.5g})" for one in used)
     return f"{told}; readings in use need {where}" if used else told

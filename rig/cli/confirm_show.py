@@ -141,6 +141,7 @@ def show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *
 
 def show_answer(answer: Confirmation) -> None:
     """A verdict, and every cause with its evidence and size."""
+    from rig.fitter.confirm import BY_BOTH  # noqa: PLC0415 - as those below
     from rig.verbs.confirm.answers import chance, sizes, unfit  # noqa: PLC0415
 
     out.print(f"\n[bold]{escape(answer.effect)}[/]: [bold]{answer.verdict}[/]")
@@ -155,7 +156,7 @@ def show_answer(answer: Confirmation) -> None:
             same += f"; predicted by the first run, all but {100 * member.missed:.2g} % of it"
         out.print(f"    {behind}shown by {clear}; {same}{fits}", soft_wrap=True)
         size = sizes(member) or ["not told"]
-        by_both = any(one.endswith(", by both runs") for one in size)  # with a searched constant
+        by_both = any(one.endswith(BY_BOTH) for one in size)  # with a searched constant
         label = f"    size{'' if by_both else ' in the further run'}, 95 %: "
         out.print(label + escape(f"\n{' ' * len(label)}".join(size)), soft_wrap=True)
     if answer.outliers:

@@ -60,7 +60,7 @@ def test_a_general_budget_has_the_causes_that_look_alike(run):
     assert abs(output.value - truth) < output.expanded_uncertainty
     assert "force_kN^2 is" not in by_name
     assert "cell coefficient force_kN^2" in by_name
-    assert any("second-order:force_kN is in the calibration" in note for note in told.notes)
+    assert any("second-order:force_kN is in the model of the results" in note for note in told.notes)
     assert not any("do not cover" in note for note in told.notes)
 
 

@@ -21,6 +21,7 @@ from rig.verbs.certificate.blocks import Grid, percent
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.html import html
 from rig.verbs.certificate.layout import sections
+from rig.verbs.certificate.measured import Effect
 from rig.verbs.certificate.pdf import pdf
 from rig.verbs.certificate.standing_sentences import CORRELATED, EFFECTS, INFERRED, UNCONFIRMED, uncertainty
 from rig.verbs.certificate.typeset import padding, plain, raised, typeset
@@ -284,8 +285,30 @@ def test_nothing_is_said_of_unconfirmed_effects_where_all_are_confirmed():
         (part,) = [one for one in sections(replace(document(), effects=effects)) if one.title.startswith("Effects")]
         return [note for block in part.blocks if isinstance(block, Grid) for note in block.notes]
 
-    assert notes(True) == [EFFECTS]
-    assert notes(False) == [f"{EFFECTS} {UNCONFIRMED}"]
+    assert notes(True)[0] == EFFECTS
+    assert notes(False)[0] == f"{EFFECTS} {UNCONFIRMED}"
+
+
+def test_what_is_so_of_all_effects_and_items_stands_once_below_their_table():
+    """The run that confirmed them and what all items share stood in each row: 3 effects of 2 sensors, six times."""
+    names, shared = ("creep:F", "drift:t"), "{} is common to all 2 outputs: of one size in Hz. Find out"
+    effects = [
+        Effect(sensor, name, "the cause", "1 Hz", True, "by later, head 77aa", shared=shared.format(name))
+        for sensor in ("a", "b")
+        for name in names
+    ]
+    (part,) = [o for o in sections(replace(document(), effects=tuple(effects))) if o.title.startswith("Effects")]
+    (table,) = part.blocks
+    assert [[cell.text for cell in row][:2] for row in table.rows] == [
+        ["a", "creep:F: the cause"],
+        ["b", "the same"],
+        ["a", "drift:t: the cause"],
+        ["b", "the same"],
+    ]
+    assert list(table.notes[1:]) == [
+        "Confirmed: by later, head 77aa.",
+        "Each of creep:F and drift:t is common to all 2 outputs: of one size in Hz. Find out.",
+    ]
 
 
 def test_one_of_something_is_singular():

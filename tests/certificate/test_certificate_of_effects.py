@@ -118,7 +118,7 @@ def test_the_table_of_effects_has_sizes_in_the_outputs_unit_and_the_time_constan
     )
     page = html(declared.document)
     assert "time constant 236.3 s" in page
-    assert "cell_V still moves" in page
+    assert "the output still moves" in page
     assert "in units of" not in page
 
 

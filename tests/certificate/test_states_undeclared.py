@@ -57,8 +57,10 @@ def test_the_page_says_for_which_state_results_hold_and_how_far_the_run_was_away
     assert "the value by the model with them is inside" not in page
     (table,) = document.tables
     told = table.notes[-1]
-    assert f"of {DRIFT}, for its mean over the run" in told
-    assert f"of {SIDE}, half-way between both directions" in told
+    assert f"{SIDE} (half-way between both directions)" in document.models[0]
+    assert f"{DRIFT} (for its mean over the run)" in document.models[0]
+    assert "in these states and conditions" in document.models[0]
+    assert DRIFT not in told, "the states stand once on the page"
     columns = run_table(runs[0]).columns
     hidden = V_PER_H * columns["elapsed_s"] / 3600.0 + 0.0005 * columns["force_side"]
     declared = np.vander(columns["force_kN"], 3)
@@ -71,9 +73,9 @@ def test_a_traced_page_says_what_was_left_out_of_its_results(runs):
     document = make(asked).document
     (table,) = document.tables
     assert "lacks" not in table.notes[-1]
-    assert f"of {DRIFT}, for its mean over the run" in table.notes[-1]
-    assert "At the worst place of the run (force" in table.notes[-1]
-    assert "Where states of effects stand below a table of results, this is so in these states." in html(document)
+    assert table.notes[-1].startswith("At the worst place of the run (force")
+    assert "the output was " in table.notes[-1]
+    assert "Where states of effects stand in brackets, this is so in these states." in html(document)
     assert f"{DRIFT} (for its mean over the run)" in document.models[0]
 
 
@@ -92,7 +94,7 @@ def test_what_an_uncertainty_does_not_cover_is_said_of_the_result():
     declared = SimpleNamespace(modelled=lambda: {"y_V": np.zeros(4)}, results=results)
     traced = SimpleNamespace(modelled=lambda: {"y_V": np.array([0.1, -0.1, 0.5, -0.5])}, holds=dict)
     made = [SimpleNamespace(name=name, unit="V", expanded_uncertainty=0.3) for name in results.names]
-    told = lacking(table, declared, traced, {"y_V": ["drift"]}, made)["y_V"]
+    told = str(lacking(table, declared, traced, {"y_V": ["drift"]}, made)["y_V"])
     assert "0.5 V away" in told
     assert told.endswith("does not cover that: output at x 2 mm has U = 0.3 V, and the run was up to 0.5 V away there.")
 
@@ -110,7 +112,7 @@ def test_an_effect_that_is_left_open_does_not_take_the_settled_ones_out_of_the_r
     assert made.lacks == {"cell_V": [DRIFT]}
     lines = [line.name for one in made.budgets for line in one.contributions]
     assert "reversibility of cell_V" in lines  # the side is in the model, and its results are half-way
-    assert "The model of these results lacks drift:elapsed_s." in made.lacking["cell_V"]
+    assert "The model of these results lacks drift:elapsed_s." in str(made.lacking["cell_V"])
     calibration = fit_source(FileSource(runs[0]), {}, (), runs[1:], keep=True)
     kept = calibration.to_json()["budget"]
     assert kept["uncertainty"] == "total"

@@ -49,7 +49,7 @@ def test_a_drift_of_what_they_share_is_one_of_its_size_in_each_output():
     assert found.effect == "drift:elapsed_s"
     assert found.same_in == ("Hz",)
     assert found.p[0] > 0.01
-    assert found.sentence.startswith("drift:elapsed_s is common to all 3 outputs: of one size in Hz (p ")
+    assert found.sentence.startswith("drift:elapsed_s is common to all 3 outputs: of one size in Hz, within errors.")
     assert "a supply or reader that they share" in found.sentence
 
 

@@ -45,7 +45,7 @@ from rig.run_file.read.reader import RunReader
 from rig.tables import is_run, run_table
 from rig.verbs.budget.held import held, outside_of
 from rig.verbs.budget.identities import contradicted, not_told
-from rig.verbs.budget.lacking import left_out
+from rig.verbs.budget.lacking import Holding, left_out
 
 BY_SHAPE = (
     "coverage factors are by the shapes of the distributions: smaller than Student's t where limits of error dominate, "
@@ -114,7 +114,7 @@ class RunBudget:
         outside: points beyond the settings of the run, as sentences.
         undeclared: results whose budgets have a line for effects that the declared model lacks.
         lacks: effects that were found and that the model of the results lacks, by output.
-        lacking: the same in words, with the states for which the results hold, by output.
+        lacking: the same with the states for which the results hold, and how far the run was away, by output.
     """
 
     of: OfRun
@@ -129,7 +129,7 @@ class RunBudget:
     outside: tuple[str, ...] = ()
     undeclared: tuple[str, ...] = ()
     lacks: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    lacking: Mapping[str, str] = field(default_factory=dict)
+    lacking: Mapping[str, Holding] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +18,37 @@ STATES = "Results hold:"
 """Begin of a sentence about states."""
 NEAR = 0.02
 """Share of the range of a quantity within which a reading is at a setting."""
+
+
+@dataclass(frozen=True)
+class Holding:
+    """For what the results of one sensor hold.
+
+    Attributes:
+        states: for which state of each effect.
+        away: how far the run was away from that, in words.
+        lacks: names of effects that the model of the results lacks.
+    """
+
+    states: Mapping[str, str]
+    away: str = ""
+    lacks: tuple[str, ...] = ()
+
+    @property
+    def of_all(self) -> str:
+        """Sentences that are the same for all sensors with these effects in these states."""
+        lacks = f"The model of these results lacks {', '.join(self.lacks)}. " if self.lacks else ""
+        return f"{lacks}{held(self.states)}"
+
+    def __str__(self) -> str:
+        return f"{self.of_all} {self.away}".strip()
+
+    def beside(self, other: Holding | None) -> Holding:
+        """Both, for the same results."""
+        if other is None:
+            return self
+        away = " ".join(filter(None, (self.away, other.away)))
+        return Holding({**self.states, **other.states}, away, (*self.lacks, *other.lacks))
 
 
 def in_state(effects: Sequence[str], holds: Mapping[str, str]) -> str:
@@ -36,8 +68,8 @@ def lacking(
     traced: Evaluation,
     effects: Mapping[str, Sequence[str]],
     made: Sequence[Budgeted] = (),
-) -> Mapping[str, str]:
-    """Effects that the model of the results lacks, and how far it is away from the one with them, in words by output.
+) -> Mapping[str, Holding]:
+    """Effects that the model of the results lacks, and how far it is away from the one with them, by output.
 
     Args:
         table: observations of the run.
@@ -52,15 +84,15 @@ def lacking(
         if not names:
             continue
         states = dict.fromkeys(names, "over the conditions of the run") | dict(holds.get(output, {}))
-        told = f"The model of these results lacks {', '.join(names)}. {held({one: states[one] for one in names})}"
+        told = ""
         if output in mine and output in theirs:
             away = np.abs(theirs[output] - mine[output])
-            told += f" {_worst(table, output, away)}{_covered(table, declared, output, away, made)}"
-        found[output] = told
+            told = f"{_worst(table, output, away)}{_covered(table, declared, output, away, made)}"
+        found[output] = Holding({one: states[one] for one in names}, told, tuple(names))
     return found
 
 
-def left_out(table: Table, evaluation: Evaluation, made: Sequence[Budgeted]) -> Mapping[str, str]:
+def left_out(table: Table, evaluation: Evaluation, made: Sequence[Budgeted]) -> Mapping[str, Holding]:
     """For which state of each effect that is left out of them results hold, and how far the run was away, by output.
 
     Args:
@@ -71,14 +103,18 @@ def left_out(table: Table, evaluation: Evaluation, made: Sequence[Budgeted]) -> 
     aside, found = evaluation.aside(), {}
     for output, states in evaluation.holds().items():
         if states:
-            found[output] = held(states)
+            told = ""
             if output in aside:
                 away = np.abs(aside[output])
-                found[output] += f" {_worst(table, output, away)}{_covered(table, evaluation, output, away, made)}"
+                told = f"{_worst(table, output, away, WAS_AWAY)}{_covered(table, evaluation, output, away, made)}"
+            found[output] = Holding(states, told)
     return found
 
 
-def _worst(table: Table, output: str, away: FloatArray) -> str:
+WITH_THEM, WAS_AWAY = "the model with these effects is {} away", "the output was {} away from these states"
+
+
+def _worst(table: Table, output: str, away: FloatArray, said: str = WITH_THEM) -> str:
     """Where in the run the model with the effects is farthest from the declared one, a sentence."""
     row, unit = int(np.argmax(away)), spelled(unit_of(output))
     place = [
@@ -89,7 +125,7 @@ def _worst(table: Table, output: str, away: FloatArray) -> str:
     if "elapsed_s" in table.columns:
         place.append(f"{table.columns['elapsed_s'][row] / 3600.0:.2g} h after the start")
     where = f" ({', '.join(place)})" if place else ""
-    return f"At the worst place of the run{where} the model with these effects is {away[row]:.2g} {unit} away."
+    return f"At the worst place of the run{where} {said.format(f'{away[row]:.2g} {unit}')}."
 
 
 def _covered(table: Table, declared: Evaluation, output: str, away: FloatArray, made: Sequence[Budgeted]) -> str:
@@ -123,6 +159,24 @@ def _near(table: Table, away: FloatArray, at: Mapping[str, float]) -> float:
     return float(np.max(away[chosen], initial=0.0))
 
 
-def by_sensor(told: Mapping[str, str], names: Mapping[str, str]) -> Iterator[str]:
-    """The sentences with the name of their sensor before them."""
-    yield from (f"{names.get(output, output)}: {sentence}" for output, sentence in told.items())
+def by_sensor(told: Mapping[str, Holding], names: Mapping[str, str]) -> Iterator[str]:
+    """The sentences with the names of their sensors before them."""
+    yield from joined((names.get(output, output), one.of_all) for output, one in told.items())
+    yield from (f"{names.get(output, output)}: {one.away}" for output, one in told.items() if one.away)
+
+
+def joined(told: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """Sentences about sensors, each once, with the names of all sensors that it is about before it."""
+    names: dict[str, list[str]] = {}
+    for sensor, sentence in told:
+        names.setdefault(sentence, []).append(sensor)
+    yield from (f"{', '.join(every)}: {sentence}" if any(every) else sentence for sentence, every in names.items())
+
+
+def once(notes: Iterable[str], names: Mapping[str, str]) -> Iterator[str]:
+    """Notes of which those that begin with a sensor are joined, as in `joined`; names of sensors by their outputs."""
+    known = {**names, **{name: name for name in names.values()}}
+    parts = [note.partition(": ") for note in notes]
+    yield from joined(
+        (known[first], rest) if first in known else ("", f"{first}{colon}{rest}") for first, colon, rest in parts
+    )

@@ -16,6 +16,7 @@ from rig.options_of_kinds import options_of
 from rig.procedures.present.blocks import Block, Grid, Line, headline
 from rig.verbs.budget.evaluation import RunBudget, budget_of, run_with_register, shapes_at
 from rig.verbs.budget.found import NOT_TRACED, SIMULATED, traced_budget
+from rig.verbs.budget.lacking import by_sensor, once
 from rig.verbs.frames import Frame, of_rows
 from rig.verbs.result import Plots, Result
 
@@ -72,7 +73,7 @@ class Budget(Result):
 
     def notes(self) -> Sequence[str]:
         """Sentences about influences that are in the budgets, and about those that are not."""
-        return (*self.found.notes, *self.found.evaluation.hints())
+        return (*once(self.found.notes, self.found.of.table.outputs), *self.found.evaluation.hints())
 
     def frame(self) -> Frame:
         """One row per result and influence."""
@@ -224,6 +225,6 @@ def budget(
     if trials is None and not given.get("traced"):
         return Budget(traced_budget(of, asked, later, register))
     made = budget_of(of, **asked, trials=trials, seed=seed, each=each)
-    if not given.get("traced"):
-        made = replace(made, notes=(NOT_TRACED.format(why=SIMULATED), *made.notes))
-    return Budget(made)
+    traced = given.get("traced")
+    more = by_sensor(made.lacking, of.table.outputs) if traced else [NOT_TRACED.format(why=SIMULATED)]
+    return Budget(replace(made, notes=(*more, *made.notes)))

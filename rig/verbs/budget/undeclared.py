@@ -58,7 +58,7 @@ def with_undeclared(
     )
     covariance = np.sum([one.covariance for one in lines], axis=0)
     told = lacking(declared.of.table, declared.evaluation, traced.evaluation, effects, made)
-    told = {**told, **{one: f"{told[one]} {held}" if one in told else held for one, held in declared.lacking.items()}}
+    told = {**declared.lacking, **{name: one.beside(declared.lacking.get(name)) for name, one in told.items()}}
     moved = _moved(covariance, made)
     return replace(declared, budgets=tuple(made), type_a=type_a, undeclared=moved, lacks=effects, lacking=told)
 

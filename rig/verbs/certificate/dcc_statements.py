@@ -43,6 +43,7 @@ def add_statements(parent: ET.Element, document: Document) -> None:
     for effect in document.effects:
         state = "confirmed" if effect.confirmed else "not confirmed"
         text = f"{effect.sensor}: {effect.name}, {effect.cause}; {effect.size}; {state}: {effect.how}"
+        text += f". {effect.shared}" if effect.shared else ""
         _declared(parent, "Effect beside the declared model", text)
     for model in document.models:
         _declared(parent, "Model of the results", model)

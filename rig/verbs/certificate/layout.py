@@ -5,7 +5,7 @@ Nothing is computed here: a block arranges texts of the document. A template of 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from datetime import date
 from typing import Any
@@ -283,18 +283,32 @@ def _effects(document: Document) -> Iterator[Block]:
         return
     staged = any(one.stage for one in document.effects)
     heads = ["Item", *(["Run"] if staged else []), "Effect", "Size (95 % interval)", "State"]
-    rows = [
-        (
-            one.sensor,
-            *([one.stage] if staged else []),
-            f"{one.name}: {one.cause}",
-            one.size,
-            f"{'confirmed' if one.confirmed else 'not confirmed'}: {one.how}",
-        )
-        for one in document.effects
+    by_name = {one.name: n for n, one in reversed(list(enumerate(document.effects)))}
+    every = sorted(document.effects, key=lambda one: by_name[one.name])
+    rows, before = [], None
+    for one in every:
+        state = "confirmed" if one.confirmed else "not confirmed"
+        stage = [one.stage] if staged else []
+        same = before is not None and (before.name, before.cause) == (one.name, one.cause)
+        rows.append((one.sensor, *stage, "the same" if same else f"{one.name}: {one.cause}", one.size, state))
+        before = one
+    sure = all(one.confirmed for one in every)
+    how = _joined((one.name, f"{'Confirmed' if one.confirmed else 'Not confirmed'}: {one.how}.") for one in every)
+    shared = _joined((one.name, one.shared.removeprefix(one.name)) for one in every if one.shared)
+    notes = [
+        words.EFFECTS if sure else f"{words.EFFECTS} {words.UNCONFIRMED}",
+        *(told if len(how) == 1 else f"{', '.join(names)}: {told}" for told, names in how.items()),
+        *(f"{'Each of ' if len(names) > 1 else ''}{' and '.join(names)}{told}." for told, names in shared.items()),
     ]
-    sure = all(one.confirmed for one in document.effects)
-    yield text_grid("", heads, rows, notes=(words.EFFECTS if sure else f"{words.EFFECTS} {words.UNCONFIRMED}",))
+    yield text_grid("", heads, rows, notes=notes)
+
+
+def _joined(told: Iterable[tuple[str, str]]) -> Mapping[str, Sequence[str]]:
+    """Names of effects by the sentence about them."""
+    found: dict[str, dict[str, None]] = {}
+    for name, sentence in told:
+        found.setdefault(sentence, {})[name] = None
+    return {sentence: list(names) for sentence, names in found.items()}
 
 
 def _deviations(document: Document) -> Iterator[Block]:

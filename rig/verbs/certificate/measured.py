@@ -167,6 +167,7 @@ class Effect:
         confirmed: whether a further run confirmed it.
         how: by what it was confirmed, or why it was not.
         stage: as found or as left.
+        shared: whether all items have it alike, a sentence.
     """
 
     sensor: str
@@ -176,3 +177,4 @@ class Effect:
     confirmed: bool
     how: str
     stage: Stage = ""
+    shared: str = ""

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rig.fitter.budget import Budgeted
-from rig.fitter.confirm import Confirmation
+from rig.fitter.confirm import BY_BOTH, Confirmation
 from rig.fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from rig.fitter.trace.outcome import Finding, Outcome
 from rig.procedures.column_names import stem_of, unit_of
@@ -20,7 +20,7 @@ from rig.register.surroundings import shown_unit
 from rig.units.si import per_term
 from rig.verbs.budget.evaluation import RunBudget
 from rig.verbs.budget.found import Found
-from rig.verbs.budget.lacking import in_state
+from rig.verbs.budget.lacking import in_state, joined, once
 from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.document import Condition, Holding
 from rig.verbs.certificate.measured import Budget, Contribution, Effect, Result, ResultTable, Stage
@@ -80,8 +80,8 @@ def tables(run: RunBudget, stage: Stage) -> tuple[ResultTable, ...]:
         title = "results" if column else _SHARED
         results = tuple(_result(one, column, run) for one in ones)
         described = run.evaluation.described(column) if column else ""
-        lacking = run.lacking.get(column, "")
-        told = (*((f"{described}.",) if described else ()), *((lacking,) if lacking else ()))
+        away = run.lacking[column].away if column in run.lacking else ""
+        told = (*((f"{described}.",) if described else ()), *((away,) if away else ()))
         found.append(ResultTable(sensor_of(column, run), title, results, (), stage, told))
     return tuple(found)
 
@@ -89,7 +89,7 @@ def tables(run: RunBudget, stage: Stage) -> tuple[ResultTable, ...]:
 def notes(run: RunBudget, confirmed: Confirmed | None = None) -> Iterator[str]:
     """Notes on the uncertainties, as sentences; `confirmed` has the results of further runs."""
     pairs = sorted(zip(run.sensors, run.budgets, strict=True), key=lambda pair: -len(pair[1].name))
-    for note in (_with_further_runs(one, confirmed) for one in run.notes):
+    for note in filter(None, (_with_further_runs(one, confirmed) for one in once(run.notes, run.of.table.outputs))):
         first = note.partition(" ")[0]
         told = f"{note[0].upper()}{note[1:]}" if first.isalpha() else note
         for column, one in pairs:  # as the tables call them
@@ -97,26 +97,26 @@ def notes(run: RunBudget, confirmed: Confirmed | None = None) -> Iterator[str]:
         yield told if told.endswith(".") else f"{told}."
 
 
-_OF_THE_RUN = {
-    "these data cannot separate": "the data of this run alone cannot separate",
-    "it is doubtful": "by the data of this run alone it is doubtful",
-}
+_DOUBT, _APART, _OPEN = "it is doubtful", "these data cannot separate", "the data of this run alone cannot separate"
 
 
 def _with_further_runs(note: str, confirmed: Confirmed | None) -> str:
-    """A note about the data of the run, with the results of further runs for the effect that it names."""
+    """A note about the data of the run, with the results of further runs for the effect that it names.
+
+    "" for no more than a doubt that these settled: the table of effects has their verdict.
+    """
     answers = [] if confirmed is None else confirmed.answers
-    about = note[: min((note.index(said) for said in _OF_THE_RUN if said in note), default=0)]
+    about = note[: min((note.index(said) for said in (_DOUBT, _APART) if said in note), default=0)]
     settled = [one for one in answers if one.verdict == "confirmed" and _names(one.effect, about)]
-    counted = ", and the budgets count the difference all the same" if "cannot separate" in note else ""
-    if not settled or not any(said in note for said in _OF_THE_RUN):
+    if not settled:
         return note
-    for said, instead in _OF_THE_RUN.items():
-        note = note.replace(said, instead)
+    if _APART not in note:
+        return ""
+    note = f"{about}{note[note.index(_APART) :].replace(_APART, _OPEN)}"
     for one in settled:
         excluded = [name for name in _excluded(one) if _names(name, note)]
-        also = f" and excludes {', '.join(excluded)}" if excluded else ""
-        note += f"; the further run confirms {one.effect}{also}{counted}"
+        does = f"excludes {', '.join(excluded)}" if excluded else "confirms the name"
+        note += f"; the further run {does}, and the budgets count the difference all the same"
     return note
 
 
@@ -262,7 +262,6 @@ def effects(
             word = "" if answer is None or confirms else answer.verdict
             unasked = "no further run was made" if confirmed is None else "the further run was not judged by it"
             how = f"{word}{by}".strip() if answer is not None else unasked
-            how += f"; {one.shared}" if one.shared else ""
             if answer is not None and confirms and (excluded := [n for n in _excluded(answer) if n in one.aliases]):
                 how += f", which excludes {', '.join(excluded)}"
             if answer is not None and answer.verdict == "replaced":
@@ -273,12 +272,14 @@ def effects(
             size = "; ".join((one.size + (f" ({one.size_95})" if one.size_95 else ""), *constants_of(one.more)))
             if answer is not None and confirms:
                 for mine in (m for m in answer.members if m.effect == one.effect):
-                    told = mine.sizes.get(outcome.sensor)
-                    size += f"; by the further run {told}" if told else ""
+                    told = mine.sizes.get(outcome.sensor, "")
                     if mine.zero:  # that run has few rows, and alone may leave the size open
-                        size += f"; by both runs together {ends(mine, outcome.sensor)}"
-            cause = one.cause.partition(": ")[0].partition("; ")[0]
-            yield Effect(sensor, one.effect, cause, size, confirms, how, stage)
+                        size += f"; by both runs {ends(mine, outcome.sensor).replace(f' ({outcome.sensor})', '')}"
+                    elif told:
+                        of_both = told.removesuffix(BY_BOTH)
+                        size += f"; by {'the further run' if of_both == told else 'both runs'} {of_both}"
+            cause = one.cause.partition(": ")[0].partition("; ")[0].replace(outcome.sensor, "the output")
+            yield Effect(sensor, one.effect, cause, size, confirms, how, stage, one.shared or "")
 
 
 def doubtful(outcomes: Iterable[Outcome], confirmed: Confirmed | None) -> Iterator[tuple[str, Finding]]:
@@ -295,24 +296,25 @@ def models(run: RunBudget, stage: Stage, found: Found) -> Iterator[str]:
     if not any(found.effects.values()):
         return
     of = f"Run {stage}: results" if stage else "Results"
-    holds = run.evaluation.holds()
     settled = {} if found.confirmed is None else {a.effect: a.holding[0] for a in found.confirmed.answers if a.holding}
     inside, outside = [], []
     for output, names in found.effects.items():
         lacks = run.lacks.get(output, ())
+        states = run.lacking[output].states if output in run.lacking else {}
         has = [settled.get(name, name) for name in names if name not in lacks]
-        inside += [f"{sensor_of(output, run)}: {in_state(has, holds.get(output, {}))}"] if has else []
-        told = [f"{name}, {found.verdicts[name]}" if name in found.verdicts else name for name in lacks]
-        outside += [f"{sensor_of(output, run)}: {'; '.join(told)}"] if told else []
-    with_ = f" with the effects that were found ({'; '.join(inside)})" if inside else ""
-    by = f"the declared model{with_}"
+        inside += [(sensor_of(output, run), in_state(has, states))] if has else []
+        told = {name: f"{name}, {found.verdicts[name]}" if name in found.verdicts else name for name in lacks}
+        named = in_state(list(told.values()), {told[name]: state for name, state in states.items() if name in told})
+        outside += [(sensor_of(output, run), named)] if told else []
+    with_ = f" with the effects that were found ({'; '.join(joined(inside))})" if inside else ""
+    by, held = f"the declared model{with_}", any(one.states for one in run.lacking.values())
     if not outside:
-        yield f"{of}, budgets and statements of conformity are of {by}."
+        yield f"{of}, budgets and statements of conformity are of {by}.{f' {words.STATES}' if held else ''}"
         return
     yield (
-        f"{of} are of {by}, {words.LACKS} that were found ({'; '.join(outside)}). A budget has a line for each result "
-        f"that they move, and conformity counts it: the difference from the model with these effects, in the states "
-        f"and conditions that stand below the results."
+        f"{of} are of {by}, {words.LACKS} that were found ({'; '.join(joined(outside))}). {words.STATES} A budget has "
+        f"a line for each result that they move, and conformity counts it: the difference from the model with these "
+        f"effects, in these states and conditions."
     )
     if moved := [one for one in run.undeclared if not {"output", "inferred"} & set(one.split())]:
         yield (

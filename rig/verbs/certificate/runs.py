@@ -175,10 +175,18 @@ def _of_budget(budget: RunBudget, settings: CertificateSettings, where: str, *, 
 
 
 def _doubts(run: CertifiedRun) -> Iterator[str]:
+    """One reason for all effects and sensors with the same doubt and the same next run."""
     told = {} if run.confirmed is None else {one.effect: one.verdict for one in run.confirmed.answers}
+    names = {} if run.of is None else run.of.table.outputs
+    alike: dict[tuple[str, str], list[tuple[str, str]]] = {}
     for sensor, one in assembly.doubtful(run.outcomes, run.confirmed):
-        doubt = f"{sensor}: the name of effect {one.effect} is doubtful: {one.doubtful}"
-        yield f"{doubt}; {_next_run(run, told.get(one.effect, ''))}"
+        why = one.doubtful or "", _next_run(run, told.get(one.effect, ""))
+        alike.setdefault(why, []).append((names.get(sensor, sensor), one.effect))
+    for (doubt, next_run), pairs in alike.items():
+        sensors, effects = (dict.fromkeys(names) for names in zip(*pairs, strict=True))
+        of = f"the name of effect {next(iter(effects))} is" if len(effects) == 1 else "names of effects are"
+        which = "" if len(effects) == 1 else f" ({', '.join(effects)})"
+        yield f"{', '.join(sensors)}: {of} doubtful{which}: {doubt}; {next_run}"
 
 
 def _next_run(run: CertifiedRun, verdict: str) -> str:

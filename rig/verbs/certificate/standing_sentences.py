@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from rig.verbs.budget.lacking import STATES
 from rig.verbs.certificate.blocks import percent
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.measured import Statement, Verdict
@@ -23,11 +22,11 @@ UNTRACED = (
 LACKS = "which lacks effects"
 """How a sentence of `Document.models` says that effects were found and not accepted."""
 _LIES = "The value of the quantity lies within it with the stated coverage probability."
-_IN_STATES = "Where states of effects stand below a table of results, this is so in these states."
+STATES = "Results hold in the states and conditions that stand in brackets."
+_IN_STATES = "Where states of effects stand in brackets, this is so in these states."
 _BY_MODEL = (
-    "It counts how far the effects that the model lacks move a result, in the states and conditions that stand below "
-    "each table of results: over these the coverage is at least the stated one, as far as the model with the effects "
-    "holds."
+    "It counts how far the effects that the model lacks move a result, in the states and conditions that stand in "
+    "brackets: over these the coverage is at least the stated one, as far as the model with the effects holds."
 )
 _NAMELESS = (
     "The trace left an error without a name: of the results of that item, the coverage probability is stated under the "
@@ -105,7 +104,7 @@ def uncertainty(document: Document) -> tuple[str, ...]:
     labels = [one.label for table in document.tables for one in table.results]
     told = {"coefficient ": CORRELATED, "inferred ": INFERRED}
     found = (words for begin, words in told.items() if any(label.startswith(begin) for label in labels))
-    states = any(STATES in note for table in document.tables for note in table.notes)
+    states = any(STATES in one for one in document.models)
     coverage = [_LIES, _IN_STATES] if states else [_LIES]
     if any(LACKS in one for one in document.models):
         coverage = [_BY_MODEL]
