@@ -36,6 +36,11 @@ COMMANDS = {
         "rig.cli.plan",
         "Forecast a run: number of points, time of its end, precision, and problems.",
     ),
+    "instrument": Entry(
+        _RUNNING,
+        "rig.cli.instrument",
+        'List, show, check, begin or look for instruments that are tables: `driver = "./my_bath.toml"`.',
+    ),
     "hold": Entry(
         _RUNNING,
         "rig.cli.requests",

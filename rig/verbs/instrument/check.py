@@ -1,0 +1,282 @@
+"""An instrument held against its file, question by question: a twin, or the real one at an address.
+
+Without a setpoint only questions are sent. With one it is prepared, set, awaited, and brought to its safe state.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from rig.bench.bench_file import check_options
+from rig.bench.config import BenchConfig, InstrumentConfig, parse_bench
+from rig.bench.plugins import driver_class
+from rig.contracts.declared.instrument import Instrument, parse
+from rig.contracts.declared.replay import replayed
+from rig.drivers.clock import Clock, RealClock
+from rig.drivers.errors import DriverError
+from rig.drivers.roles import Reader, Source, WithUnits
+from rig.drivers.wires import Wires
+from rig.errors import RigError
+from rig.instruments.locks import locked_addresses
+from rig.instruments.opening import open_bench
+from rig.version import VERSION
+
+NAME = "instrument"
+_ADDRESSES = {"text": "/dev/rig/instrument", "stream": "/dev/rig/instrument", "modbus": "modbus-tcp://192.0.2.1/1"}
+_POLL_S = 1.0
+_SHOWN = 12
+"""Turns on the wire that are kept at the begin and at the end of a step."""
+
+
+@dataclass
+class Step:
+    """One step of a check.
+
+    Attributes:
+        what: what was done.
+        wire: what went over the wire, as text.
+        found: what came of it, a sentence.
+        ok: whether it is as the file says.
+    """
+
+    what: str
+    wire: list[str] = field(default_factory=list)
+    found: str = ""
+    ok: bool = True
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A check of one instrument.
+
+    Attributes:
+        file: its file, and its SHA-256.
+        instrument: maker and model in the file.
+        address: where it was asked; "twin" if it was simulated.
+        at: UTC of its begin.
+        steps: in order.
+    """
+
+    file: str
+    sha256: str
+    instrument: str
+    address: str
+    at: str
+    steps: tuple[Step, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether every step is as the file says."""
+        return all(step.ok for step in self.steps)
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain values."""
+        steps = [vars(step) for step in self.steps]
+        head = {key: getattr(self, key) for key in ("file", "sha256", "instrument", "address", "at")}
+        return {**head, "rig": VERSION, "ok": self.ok, "steps": steps}
+
+    def report(self) -> str:
+        """A page for the files of a laboratory, Markdown."""
+        lines = [f"# {self.instrument}, held against its file\n", f"- file: {self.file}, SHA-256 {self.sha256}"]
+        lines += [f"- asked: {self.address}", f"- begun: {self.at}", f"- calibration-rig {VERSION}"]
+        lines.append(f"- result: {'as its file says' if self.ok else 'NOT as its file says'}\n")
+        for step in self.steps:
+            lines.append(f"## {step.what}: {'ok' if step.ok else 'WRONG'}\n\n{step.found}\n")
+            lines += [f"```text\n{chr(10).join(step.wire)}\n```\n"] if step.wire else []
+        return "\n".join(lines)
+
+
+def check(
+    text: str, name: str, address: str, options: Mapping[str, Any], setpoint: float | None, wait_s: float
+) -> Checked:
+    """Check an instrument.
+
+    Args:
+        text: its file.
+        name: the file's name.
+        address: where it is; "" for its twin.
+        options: further options, as in a bench file.
+        setpoint: value to set; None to send only questions.
+        wait_s: longest wait until it has settled.
+
+    Raises:
+        ConfigurationError: options or address are wrong.
+        BusyError: another controller uses the address.
+    """
+    table, steps, heard = parse(text), [], []
+
+    def tap(_: str, direction: str, data: bytes) -> None:
+        shown = data.hex(" ") if table.modbus else repr(data)[2:-1]
+        heard.append(f"{'>' if direction == 'tx' else '<'} {shown}")
+
+    wrong = list(replayed(table))
+    said = "; ".join(wrong) or f"{len(table.examples)} questions and answers of the file are read as it says"
+    steps.append(Step("examples in the file", found=said, ok=not wrong))
+    with _opened(text, table, address, options, tap) as (driver, clock):
+        for step, act in _steps(driver, table, clock, setpoint, wait_s):
+            heard.clear()
+            try:
+                step.found = act() or "done"
+            except (DriverError, RigError) as error:
+                step.found, step.ok = str(error), False
+            step.wire = _joined(heard)
+            steps.append(step)
+            if not step.ok and step.what == "identity":
+                break
+    digest = hashlib.sha256(text.rstrip("\n").encode()).hexdigest()
+    what = f"{table.maker} {', '.join(table.model)}".strip()
+    return Checked(
+        name,
+        digest,
+        what,
+        address or "its twin",
+        f"{datetime.fromtimestamp(RealClock().utc(), UTC):%Y-%m-%d %H:%M:%S} UTC",
+        tuple(steps),
+    )
+
+
+def _joined(heard: list[str]) -> list[str]:
+    """Transfers on the wire, a line for each turn."""
+    lines: list[str] = []
+    for one in heard:
+        if lines and lines[-1][0] == one[0]:
+            lines[-1] += one[2:]
+        else:
+            lines.append(one)
+    if len(lines) > 2 * _SHOWN:
+        lines[_SHOWN:-_SHOWN] = [f"... {len(lines) - 2 * _SHOWN} lines more"]
+    return lines
+
+
+class _opened:  # noqa: N801 - used as a context
+    """The driver at its address or at its twin, and the clock."""
+
+    def __init__(
+        self,
+        text: str,
+        table: Instrument,
+        address: str,
+        options: Mapping[str, Any],
+        tap: Callable[[str, str, bytes], None],
+    ) -> None:
+        self._config = bench_of(text, table, address or _ADDRESSES[table.wire.protocol], options)
+        self._real, self._tap = bool(address), tap
+
+    def __enter__(self) -> tuple[Any, Clock]:
+        config = self._config
+        checked = check_options(config, NAME)
+        if self._real:
+            self._lock = locked_addresses({NAME: config.instruments[NAME]})
+            self._lock.__enter__()
+            clock: Clock = RealClock()
+            wires = Wires(clock, tap=self._tap)
+            one = config.instruments[NAME]
+            self._close: Callable[[], None] = wires.close
+            try:
+                self._driver = driver_class(one.driver)(NAME, one.address, checked[NAME], wires, clock)
+            except BaseException:
+                self._lock.__exit__(None, None, None)
+                raise
+            return self._driver, clock
+        from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real one never loads the simulation
+
+        dry = DryBench(config, {}, tap=self._tapped)
+        bench = open_bench(dry.config, checked, dry.clock, dry.wires)
+        self._driver, self._close = bench.instruments[NAME], dry.close
+        return self._driver, dry.clock
+
+    def _tapped(self, name: str, direction: str, data: bytes) -> None:
+        if name == NAME:
+            self._tap(name, direction, data)
+
+    def __exit__(self, *_: object) -> None:
+        try:
+            self._driver.close()
+        finally:
+            self._close()
+            if self._real:
+                self._lock.__exit__(None, None, None)
+
+
+def bench_of(text: str, table: Instrument, address: str, options: Mapping[str, Any]) -> BenchConfig:
+    """A bench with this instrument, on which all its channels are read or its quantity is set."""
+    lines = ['name = "check"', f"[instruments.{NAME}]", 'driver = "person"']
+    reader, source = table.reader, table.source
+    if reader is not None:
+        channels = {name: one.unit or reader.unit for name, one in reader.channels.items()} or {"input": reader.unit}
+        for n, (channel, unit) in enumerate(channels.items()):
+            lines += [f"[sensors.s{n}]", f'reader = "{NAME}"', f'channel = "{channel}"', f'unit = "{unit}"']
+    else:
+        lines += ["[instruments.other]", 'driver = "person"', "[sensors.other]", 'reader = "other"', 'channel = "dial"']
+        lines.insert(lines.index('driver = "person"', 4) + 1, 'reads = { dial = "V" }\nresolution = { dial = 1 }')
+    if source is not None:
+        lines += ["[factors]", f'level_{source.unit} = "{NAME}"']
+    config = parse_bench("\n".join(lines), "check")
+    one = InstrumentConfig.model_validate({"driver": text, "address": address, **options})
+    return config.model_copy(update={"instruments": {**config.instruments, NAME: one}})
+
+
+def _steps(
+    driver: Any, table: Instrument, clock: Clock, setpoint: float | None, wait_s: float
+) -> Iterator[tuple[Step, Callable[[], str]]]:
+    setting = setpoint is not None
+    anything: Any = driver
+
+    def identity() -> str:
+        found = driver.identify()
+        serial = f"serial number {found.serial}" if found.confirmed else "no serial number"
+        return f"{found.maker} {found.model}, {serial}, firmware {found.firmware or 'not told'}"
+
+    yield Step("identity"), identity
+    if setting:
+        yield Step("prepare"), lambda: anything.prepare() or ""
+    if table.check or table.healthy:
+
+        def settings() -> str:
+            wrong = driver.wrong()
+            if wrong and setting:
+                raise RigError("; ".join(wrong))
+            return "; ".join(wrong) + (
+                " (it is not prepared: only questions were sent)" if wrong else "all as declared"
+            )
+
+        yield Step("settings"), settings
+    reader: Any = table.reader
+    if isinstance(driver, Reader) and (setting or not (reader.select or reader.start or reader.number)):
+
+        def readings() -> str:
+            driver.start(3)
+            units = driver.units() if isinstance(driver, WithUnits) else {}
+            return "; ".join(
+                f"{name}: {', '.join(f'{value:g}' for value in values)} {units.get(name, '')}"
+                for name, values in driver.fetch().items()
+            )
+
+        yield Step("three readings"), readings
+    if isinstance(driver, Source):
+
+        def state() -> str:
+            found = driver.read()
+            on = "on" if found.output else "off"
+            settled = "settled" if found.settled else "not settled"
+            return f"setpoint {found.setpoint:g}, reads {found.value:g} {driver.unit()}, {on}, {settled}"
+
+        yield Step("state"), state
+        if setpoint is not None:
+            yield Step(f"set {setpoint:g} {driver.unit()}"), lambda: anything.set(setpoint) or ""
+            yield Step("settle"), lambda: _settled(driver, clock, wait_s)
+            yield Step("safe state"), lambda: anything.make_safe() or state()
+
+
+def _settled(driver: Any, clock: Clock, wait_s: float) -> str:
+    """How long it takes until it has settled. Raises `RigError`."""
+    began = clock.now()
+    while not (found := driver.read()).settled:
+        if clock.now() - began > wait_s:
+            raise RigError(f"it has not settled within {wait_s:g} s, and reads {found.value:g}; --wait waits longer")
+        clock.sleep(_POLL_S)
+    return f"after {clock.now() - began:.0f} s it reads {found.value:g}"

@@ -1,0 +1,131 @@
+"""A commented file for an instrument, from what its manual says: questions to whoever has the manual."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+from rig.contracts.declared.instrument import parse
+
+Ask = Callable[[str, str], str]
+"""Takes a question and the answer that is assumed; returns the answer."""
+
+_NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]+)?([Ee][+-]?[0-9]+)?")
+_ENDS = {"lf": r"\n", "cr": r"\r", "crlf": r"\r\n"}
+
+
+def form_of(answer: str) -> str:
+    """A form from an answer as the manual prints it: its first number, and the unit after it.
+
+    Example:
+        >>> form_of("S S     100.00 g")
+        'S S {value} {unit}'
+    """
+    found = _NUMBER.search(answer)
+    if found is None:
+        return answer.replace("{", "{{").replace("}", "}}")
+    before, after = answer[: found.start()], answer[found.end() :]
+    unit = re.fullmatch(r"( *)([A-Za-z%][A-Za-z0-9%/]*)(.*)", after)
+    end = f"{unit[1] and ' '}{{unit}}{unit[3]}" if unit else after
+    return re.sub(" +", " ", before) + "{value}" + end
+
+
+def _text(value: str) -> str:
+    return f"'{value}'" if "'" not in value else '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def asked(ask: Ask) -> str:
+    """The text of a new file."""
+    maker, model = ask("Maker, as in its identity", "ACME"), ask("Model, as in its identity", "M1")
+    about = ask("What is it", "instrument")
+    wire = ask(
+        "Does it take lines of text, Modbus registers, or does it talk by itself? (text, modbus, stream)", "text"
+    )
+    role = ask("Does it measure or set something? (reader, source)", "reader")
+    unit = ask("Unit of its quantity (degC, V, g, bar)", "degC")
+    lines = [f"maker = {_text(maker)}", f"model = {_text(model)}", f"about = {_text(about)}"]
+    lines += ['sources = ["manual NUMBER, chapter CHAPTER"]', 'tried = ["twin only"]', "", "[wire]"]
+    lines.append(f'protocol = "{wire}"')
+    if wire == "modbus":
+        lines += ['type = "int16"               # or uint16, int32, uint32, float32', 'word_order = "big"', ""]
+        lines += _registers(ask, role, unit)
+    else:
+        end = _ENDS.get(ask("How do lines end? (lf, cr, crlf)", "crlf"), r"\r\n")
+        baud = ask("Baud rate, if it has a serial line", "9600")
+        lines += [f"baud = {baud}", f'send_end = "{end}"           # reply_end = ... if answers end otherwise', ""]
+        lines += _lines(ask, wire, role, unit, maker, model)
+    return "\n".join(lines) + "\n"
+
+
+def _lines(ask: Ask, wire: str, role: str, unit: str, maker: str, model: str) -> list[str]:
+    found = ["[identity]                      # asked before anything else is sent"]
+    if wire == "stream":
+        found += ['answer = "{text}"               # the form of its lines, so that no other is believed', ""]
+        said = ask("One line that it sends, from the manual", f"23.45 {unit}")
+        return [*found, "[reader]", f'unit = "{unit}"', f"reading = {{ answer = {_text(form_of(said))} }}"]
+    question = ask("Question for its identity", "*IDN?")
+    said = ask("Its answer, as the manual prints it", f"{maker},{model},123456,1.0")
+    form = re.sub(re.escape(maker), "{maker}", said, count=1)
+    form = re.sub(re.escape(model), "{model}", form, count=1)
+    form = re.sub(r",[^,{]+,[^,{]+$", ",{serial},{firmware}", form)
+    found += [f"ask = {_text(question)}", f"answer = {_text(form)}", ""]
+    if role == "reader":
+        question = ask("Question for a reading", "READ?")
+        said = ask("Its answer, as the manual prints it", f"23.45 {unit}")
+        found += ["[reader]", f'unit = "{unit}"']
+        return [*found, f"reading = {{ ask = {_text(question)}, answer = {_text(form_of(said))} }}", "reading_s = 0.5"]
+    found += [
+        "[source]",
+        f'unit = "{unit}"',
+        f"low = {ask('Lowest setpoint', '0')}",
+        f"high = {ask('Highest setpoint', '100')}",
+    ]
+    command = ask("Command for a setpoint of 25", "SP 25")
+    found.append(f"set = {_text(re.sub(r'25([.]0*)?', '{value:.2}', command, count=1))}        # .2: two decimals")
+    for key, what, assumed in (
+        ("setpoint", "Question for the setpoint", "SP?"),
+        ("read", "Question for its own reading", "PV?"),
+        ("on", "Command that switches it on (empty: it is always on)", "ON"),
+        ("off", "Command that switches it off (empty: none)", "OFF"),
+        ("output", "Question whether it is on (empty: none)", "ON?"),
+    ):
+        if said := ask(what, assumed):
+            found.append(f"{key} = {_text(said)}")
+    if not any(line.startswith("off") for line in found):
+        found.append(f"safe_value = {ask('Setpoint of its safe state', '25')}")
+    return [
+        *found,
+        "tolerance = 0.1                 # near enough to its setpoint",
+        "dwell_s = 60                    # for so long",
+    ]
+
+
+def _registers(ask: Ask, role: str, unit: str) -> list[str]:
+    number = ask("Register with a known number, such as its model code", "0")
+    found = [
+        "[identity]",
+        f"register = {number}",
+        f"is = {ask('That number', '1')}",
+        "",
+        f"[{role}]",
+        f'unit = "{unit}"',
+    ]
+    scale = ask("A register of 234 that means 23.4 has the scale", "0.1")
+    tail = f", scale = {scale} }}"
+    if role == "reader":
+        return [*found, f"reading = {{ register = {ask('Register of the reading', '1')}{tail}"]
+    found += [f"low = {ask('Lowest setpoint', '0')}", f"high = {ask('Highest setpoint', '100')}"]
+    setpoint = ask("Register of the setpoint", "2")
+    found += [f"set = {{ register = {setpoint}{tail}", f"setpoint = {{ register = {setpoint}{tail}"]
+    found.append(f"read = {{ register = {ask('Register of its reading', '1')}{tail}")
+    found.append(f"safe_value = {ask('Setpoint of its safe state', '25')}")
+    return [*found, "tolerance = 0.2", "dwell_s = 60"]
+
+
+def lacking(text: str) -> str:
+    """Defects of the file, in words; "" if there are none."""
+    try:
+        parse(text)
+    except ValueError as error:
+        return str(error)
+    return ""

@@ -1,0 +1,146 @@
+"""`rig instrument`: a file held against its twin and against an instrument of others, begun, shown, looked for."""
+
+from __future__ import annotations
+
+import json
+import socketserver
+import threading
+
+import pytest
+from command import rig
+from test_declared import BATH
+
+from rig.verbs.instrument.new import asked, form_of, lacking
+
+EXAMPLES = 'examples = [["in_sp_00", "25.00"], ["out_mode_05 1", ""], ["version", "ACME B1 V2"]]\n'
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "bath.toml"
+    path.write_text(EXAMPLES + BATH)
+    return path
+
+
+@pytest.fixture
+def stranger():
+    """A bath that this project did not write, by its manual: its answers have spaces, it does not obey at once."""
+    state = {"sp": 25.0, "pv": 21.0, "on": 0}
+    heard: list[str] = []
+
+    class Lines(socketserver.StreamRequestHandler):
+        def handle(self) -> None:
+            text = b""
+            while data := self.request.recv(100):
+                *lines, text = (text + data).split(b"\r")
+                for line in lines:
+                    heard.append(line.decode())
+                    word, _, value = heard[-1].partition(" ")
+                    if value:
+                        state["sp" if word == "out_sp_00" else "on"] = float(value)
+                        continue
+                    state["pv"] = state["sp"] if state["on"] else state["pv"]
+                    said = {
+                        "version": "ACME B1 V3",
+                        "in_sp_00": f" {state['sp']:6.2f}",
+                        "in_pv_00": f"{state['pv']:6.2f}",
+                    }
+                    self.wfile.write(f"{said.get(word, f'{state[chr(111) + chr(110)]:.0f}')}\r\n".encode())
+
+    server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), Lines)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"socket://127.0.0.1:{server.server_address[1]}", heard
+    server.shutdown()
+    server.server_close()
+
+
+def test_a_file_is_held_against_its_twin_with_a_report(file, tmp_path):
+    done = rig("instrument", "check", file, "--set", "40", "--report", tmp_path / "report.md")
+    assert done.returncode == 0, done.stderr
+    report = (tmp_path / "report.md").read_text()
+    for words in (
+        "- result: as its file says",
+        "- asked: its twin",
+        "## settle: ok",
+        "> out_sp_00 40.00\\r",
+        "SHA-256",
+    ):
+        assert words in report
+    assert len(report.splitlines()) < 150
+
+
+def test_a_real_one_is_asked_and_not_told_unless_that_is_wanted(file, stranger):
+    address, heard = stranger
+    done = rig("instrument", "check", file, "--address", address, "--json")
+    assert done.returncode == 0, done.stdout + done.stderr
+    (found,) = json.loads(done.stdout)
+    assert [step["what"] for step in found["steps"]] == ["examples in the file", "identity", "state"]
+    assert heard == ["version", "in_sp_00", "in_mode_05", "in_pv_00"]
+    heard.clear()
+    done = rig("instrument", "check", file, "--address", address, "--option", "dwell_s = 0", "--set", "30")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert [line for line in heard if line.startswith("out")] == ["out_sp_00 30.00", "out_mode_05 1", "out_mode_05 0"]
+
+
+def test_another_instrument_is_told_from_it_with_its_bytes(file, stranger):
+    file.write_text(BATH.replace('"{maker} {model} V{firmware}"', '"OTHER {model}"'))
+    done = rig("instrument", "check", file, "--address", stranger[0], "--json")
+    assert done.returncode == 1
+    step = json.loads(done.stdout)[0]["steps"][-1]
+    assert (step["what"], step["ok"]) == ("identity", False)
+    assert "answered 'ACME B1 V3' to 'version'" in step["found"]
+
+
+def test_an_example_that_the_file_does_not_read_is_named(file):
+    file.write_text('examples = [["in_sp_00", "25,00"], ["in_sp_99", "1"]]\n' + BATH)
+    done = rig("instrument", "check", file, "--json")
+    assert done.returncode == 1
+    found = json.loads(done.stdout)[0]["steps"][0]["found"]
+    assert "'25,00' is no answer to 'in_sp_00' as in source.setpoint; 'in_sp_99' is not in the file" in found
+
+
+def test_a_wrong_file_says_all_that_it_lacks_and_ends_with_78(tmp_path):
+    (tmp_path / "x.toml").write_text('[source]\nset = "SP {value}"\n')
+    done = rig("instrument", "check", tmp_path / "x.toml")
+    assert done.returncode == 78
+    said = " ".join(done.stderr.split())
+    assert all(word in said for word in ("model is missing", "identity is missing", "source.low", "source.high"))
+
+
+@pytest.mark.parametrize(
+    ("answer", "form"),
+    [("S S     100.00 g", "S S {value} {unit}"), ("PV=25.0", "PV={value}"), ("OK", "OK"), ("+1.5E+00,V", "{value},V")],
+)
+def test_a_form_is_made_of_an_answer(answer, form):
+    assert form_of(answer) == form
+
+
+NEW = [("text", "reader"), ("text", "source"), ("stream", "reader"), ("modbus", "reader"), ("modbus", "source")]
+
+
+@pytest.mark.parametrize(("wire", "role"), NEW)
+def test_a_new_file_is_whole(wire, role):
+    said = {"Does it take": wire, "Does it measure": role}
+    text = asked(lambda question, assumed: next((a for q, a in said.items() if question.startswith(q)), assumed))
+    assert lacking(text) == ""
+
+
+def test_a_scan_asks_who_is_there_and_nothing_else(stranger):
+    address, heard = stranger
+    rig("instrument", "scan", address)
+    assert not [line for line in heard if line.startswith("out")]
+
+
+def test_all_are_listed_and_one_is_shown(file):
+    listed = rig("instrument", "list", "--json")
+    assert {
+        "driver": "person",
+        "is": "in Python",
+        "roles": "reader, person",
+        "wire": "none",
+        "tried": "see its page",
+    } in (json.loads(listed.stdout))
+    shown = rig("instrument", "show", file).stdout
+    assert "| source.set | `out_sp_00 {value:.2}` |" in shown
+    assert rig("instrument", "show", "nothing").returncode == 2
