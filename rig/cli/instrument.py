@@ -58,9 +58,8 @@ def instrument(
     """
     given = names or []
     if action is not Action.LIST and not given:
-        raise UsageError(
-            f"rig instrument {action} needs {'an address' if action is Action.SCAN else 'a name or a file'}"
-        )
+        what = "an address" if action is Action.SCAN else "a name or a file"
+        raise UsageError(f"{action} needs {what}: `rig instrument --help`")
     match action:
         case Action.LIST:
             return _list(as_json=as_json)

@@ -1,4 +1,4 @@
-"""A commented file for an instrument, from what its manual says: questions to whoever has the manual."""
+"""A commented file for an instrument, from answers to questions about its manual."""
 
 from __future__ import annotations
 
