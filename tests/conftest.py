@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import signal
 import sys
 from collections.abc import Generator
 from pathlib import Path
@@ -12,6 +13,11 @@ import pytest
 
 # Before anything imports numpy: matrices here are narrow, and threads that spin beside two test workers cost minutes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# What a terminal ignores for its background processes, the controllers that tests start would ignore as well.
+for ignored in (signal.SIGHUP, signal.SIGINT):
+    if signal.getsignal(ignored) is signal.SIG_IGN:
+        signal.signal(ignored, signal.SIG_DFL if ignored is signal.SIGHUP else signal.default_int_handler)
 
 # Where bytecode is not kept, three workers and sixty processes compile the project and these tests again each; and
 # Hypothesis, if it comes before this.
@@ -49,11 +55,23 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """The longest files first, or one worker would still be at one of them when the others have nothing left."""
     place = {f"test_{name}": k for k, name in enumerate(LONGEST)}
     items.sort(key=lambda item: place.get(item.path.stem, len(place)))
+    long = _long(config, items)
     if config.getoption("--quick"):
-        listed = set(LONG.read_text(encoding="utf-8").splitlines())
-        left_out = [item for item in items if item.nodeid in listed]
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if item.nodeid not in listed]
+        config.hook.pytest_deselected(items=[item for item in items if item in long])
+        items[:] = [item for item in items if item not in long]
+
+
+def _long(config: pytest.Config, items: list[pytest.Item]) -> set[pytest.Item]:
+    """Tests that a line of the list names: a file, a function with all its parameters, or one of these."""
+    lines = {line for line in LONG.read_text(encoding="utf-8").splitlines() if not line.startswith("#")}
+    names = {item: {item.nodeid, item.nodeid.split("[")[0], item.nodeid.split("::")[0]} for item in items}
+    # Where whole files are asked for, a line that names nothing is of a test that was renamed and would come back.
+    if not any("::" in asked for asked in config.args):
+        files = {item.nodeid.split("::")[0] for item in items}
+        gone = {line for line in lines if line.split("::")[0] in files} - set().union(*names.values(), set())
+        if gone:
+            raise pytest.UsageError(f"{LONG.name} names tests that are not there: {', '.join(sorted(gone))}")
+    return {item for item, its in names.items() if its & lines}
 
 
 @pytest.hookimpl(wrapper=True)

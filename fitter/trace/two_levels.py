@@ -29,6 +29,11 @@ ROUNDS = 5
 NEAR = 12.0
 """Nats: grid values farther behind the best are not tried again."""
 
+TOGETHER = 500
+"""Rows whose densities are computed at once, for each line of the grid."""
+MOST = 600.0
+"""Maximum logarithm of the odds by one row, below the range of a double."""
+
 
 @dataclass(frozen=True)
 class TwoLevels:
@@ -97,13 +102,23 @@ def _likelihoods(series: FloatArray, grid: FloatArray) -> FloatArray:
     """(m,) log-likelihoods of a series (n,) for each line of the grid, by the filter of the chain."""
     sd = float(np.sqrt(np.mean(series**2)))
     low, high, rest, up, down = _parts(grid)
-    total, p = np.zeros(len(grid)), grid[:, 1].copy()  # p: of being at the upper level
-    for value in (series / sd).tolist():
-        a, b = np.exp(-0.5 * ((value - high) / rest) ** 2), np.exp(-0.5 * ((value - low) / rest) ** 2)
-        both = np.maximum(p * a + (1 - p) * b, 1e-300)
-        total += np.log(both)
-        p = p * a / both
-        p = p * (1 - down) + (1 - p) * up
+    stays, total = 1 - down - up, np.zeros(len(grid))
+    p = grid[:, 1].copy()  # of being at the upper level
+    for start in range(0, series.size, TOGETHER):
+        some = series[start : start + TOGETHER, None] / sd
+        at_upper, at_lower = (-0.5 * ((some - level) / rest) ** 2 for level in (high, low))
+        most = np.maximum(at_upper, at_lower)
+        a, b = np.exp(at_upper - most), np.exp(at_lower - most)
+        both = a - b
+        # In place, since this loop over rows takes most of the time; the logarithms come after it.
+        for of_row, upper, lower in zip(both, a, b, strict=True):
+            np.multiply(of_row, p, out=of_row)
+            np.add(of_row, lower, out=of_row)
+            p *= upper
+            p /= of_row
+            p *= stays
+            p += up
+        total += np.sum(most + np.log(both), axis=0)
     return np.asarray(total + series.size * (0.5 - np.log(rest) - np.log(sd)))
 
 
@@ -117,17 +132,16 @@ def _posterior(series: FloatArray, line: FloatArray) -> FloatArray:
     """(n,) probability of the upper level at each row, given all rows."""
     sd = float(np.sqrt(np.mean(series**2)))
     low, high, rest, up, down = (float(part[0]) for part in _parts(line[None]))
-    fit = np.exp(-0.5 * ((series[:, None] / sd - np.array([low, high])) / rest) ** 2)
-    move = np.array([[1 - up, up], [down, 1 - down]])
-    forward, back = np.empty_like(fit), np.ones_like(fit)
-    state = np.array([1 - line[1], line[1]])
-    for t in range(len(fit)):
-        state = state * fit[t]
-        state = state / max(float(state.sum()), 1e-300)
-        forward[t] = state
-        state = state @ move
-    for t in range(len(fit) - 2, -1, -1):
-        back[t] = move @ (fit[t + 1] * back[t + 1])
-        back[t] /= max(float(back[t].sum()), 1e-300)
-    both = forward * back
-    return np.asarray(both[:, 1] / np.maximum(both.sum(axis=1), 1e-300))
+    at_lower, at_upper = (-0.5 * ((series / sd - level) / rest) ** 2 for level in (low, high))
+    odds = np.exp(np.clip(at_upper - at_lower, -MOST, MOST)).tolist()
+    # Probabilities of the upper level by the rows up to each, and odds of it by the rows after it.
+    upper, before = float(line[1]), []
+    for at in odds:
+        before.append(upper := upper * at / (upper * at + 1 - upper))
+        upper = upper * (1 - down) + (1 - upper) * up
+    later, after = 1.0, []
+    for at in reversed(odds):
+        after.append(later)
+        later = ((1 - down) * at * later + down) / (up * at * later + 1 - up)
+    weighed = np.array(before) * np.array(after[::-1])
+    return np.asarray(weighed / (weighed + 1 - np.array(before)))

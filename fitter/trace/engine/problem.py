@@ -205,6 +205,15 @@ class Problem:
             return some._stacked(self.columns[:, self.start[terms[0]] : self.start[terms[-1] + 1]])
         return some
 
+    def given(self, *, y: FloatArray | None = None, noise: Noise | None = None, sd: FloatArray | None = None) -> Problem:
+        """The same candidates for another response, covariance or row errors; what is None stays."""
+        return replace(
+            self,
+            y=self.y if y is None else y,
+            noise=self.noise if noise is None else noise,
+            sd=self.sd if sd is None else sd,
+        )._stacked(self.columns)
+
     def _stacked(self, columns: FloatArray) -> Problem:
         """This problem, whose `columns` are known."""
         vars(self)["columns"] = columns

@@ -277,5 +277,5 @@ class RunJudge:
 
 def _some(judge: TableJudge, kept: IntArray, at: int) -> TableJudge:
     """Some of the rows under one covariance, with what is simulated for it."""
-    held = replace(judge.problem, noise=judge.problem.noise.only(at))
+    held = judge.problem.given(noise=judge.problem.noise.only(at))
     return OfSensor(held.rows(kept), {(0, "any"): judge.family(at)})

@@ -50,7 +50,7 @@ def left_out(
     at = judge.beside(chosen).best
     fold, words = _folds(problem, at)
     fold[apart] = -1
-    held = replace(problem, sd=judge.problem.sd, noise=judge.problem.noise.only(at))
+    held = problem.given(sd=judge.problem.sd, noise=judge.problem.noise.only(at))
     slow = judge.problem.noise.slow
     rival: Rivalry = "fast" if np.any(slow) and not slow[at] else "any"
     families: dict[tuple[int, Rivalry], TableFamily] = {(0, "any"): judge.family(at, rival)}

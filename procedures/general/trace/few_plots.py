@@ -83,7 +83,7 @@ def _smallest(
 
     def found(change: float) -> bool:
         moved = judge.problem.y + (sign * change - size) * line
-        return TableJudge(replace(judge.problem, y=moved), judge.families).significant(chosen, drift)
+        return TableJudge(judge.problem.given(y=moved), judge.families).significant(chosen, drift)
 
     low, high = error, WIDEST * error
     if not found(high):

@@ -120,7 +120,7 @@ def search_table(data: TableData, problem: Problem | None = None) -> Found:
     problem = problem_of(data) if problem is None else problem
     found = look(TableJudge(problem), data)
     noise = _alike(data, found)
-    return found if noise is None else look(TableJudge(replace(problem, noise=noise)), data)
+    return found if noise is None else look(TableJudge(problem.given(noise=noise)), data)
 
 
 def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Found:
@@ -134,7 +134,7 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
     _, chosen = search_and_name(judge, lead=judge.lead)
     judge, chosen = _corners_first(judge, chosen)
     if data.order_unknown and any(judge.candidates[j].effect.source == "setting" for j in chosen):
-        judge = TableJudge(replace(judge.problem, noise=Independent(judge.problem.n)))
+        judge = TableJudge(judge.problem.given(noise=Independent(judge.problem.n)))
         chosen = search_and_name(judge, prune(judge, chosen), judge.lead)[1]
     for _ in range(ROUNDS):
         problem = refined(judge, chosen)
@@ -144,7 +144,7 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
         if new is not None:
             sd = _sd(new, judge, chosen, data, rows)
             sd /= np.exp(np.mean(np.log(sd)))
-            weighted = replace(problem, sd=sd, noise=problem.noise.over(sd))
+            weighted = problem.given(sd=sd, noise=problem.noise.over(sd))
             same = growth is not None and growth.driver == new.driver
             judge = TableJudge(weighted, judge.families) if same else TableJudge(weighted)
         growth = new
