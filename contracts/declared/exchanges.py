@@ -54,6 +54,7 @@ class Ask(Register):
     words: dict[str, str] = Field(
         {}, description="words, or numbers, in its answer: stable, unstable, busy, overload, error, on, off or vent"
     )
+    field: str = Field("value", description="field of its answer that has its number")
     bit: int | None = Field(None, ge=0, le=31, description="the bit of its number that means yes; 0 is the lowest")
     timeout_s: float | None = Field(None, gt=0, le=600, description="longest wait for its answer; left out: the wire's")
     lines: int = Field(1, ge=1, le=20, description="lines of its answer, which are joined by a space")

@@ -176,6 +176,9 @@ class Instrument(Strict):
     sources: Texts = Field((), description="manuals, with page or chapter of each claim")
     tried: Annotated[tuple[Tried, ...], Field(description="how it was tried")] = ()
     unconfirmed: Texts = Field((), description="what no source states")
+    scpi: bool = Field(
+        False, description="it has *IDN?, SYST:ERR? and *ESE, so that identity, errors and mark may be left out"
+    )
     parameters: dict[str, str | int] = Field({}, description="what the bench file may set, with its default: {node}")
     wire: Wire = Wire()
     identity: Identity | None = Field(None, description="who it is")
@@ -193,6 +196,14 @@ class Instrument(Strict):
         (), description="questions and answers as printed in the manual, or recorded; tests replay them"
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _standard(cls, given: Any) -> Any:
+        if not isinstance(given, dict) or not given.get("scpi"):
+            return given
+        prepared = {"tell": ["*PSC 1", "*ESE 52"], "check": {"ask": "*ESE?", "is": 52}}
+        return {"identity": {"ask": "*IDN?"}, "errors": {"ask": "SYST:ERR?"}, "mark": prepared, **given}
+
     @property
     def modbus(self) -> bool:
         """Whether it has registers, not lines."""
@@ -202,6 +213,23 @@ class Instrument(Strict):
     def remembers(self) -> bool:
         """Whether it is known that its power was off."""
         return self.mark is not None or bool(self.check and self.prepare)
+
+    @property
+    def coarse(self) -> bool:
+        """Whether its readings have a step that is declared, so that they may repeat to the last digit."""
+        if self.reader is not None and self.reader.resolution:
+            return True
+        read = [self.source.read] if self.source is not None else []
+        if self.reader is not None:
+            read += [self.reader.reading, self.reader.fetch, *(one.reading for one in self.reader.channels.values())]
+        return any(self._stepped(ask) for ask in read if ask is not None)
+
+    def _stepped(self, ask: Ask) -> bool:
+        """Whether the number in an answer has a step."""
+        if self.modbus:
+            return (ask.type or self.wire.type) != "float32"
+        fields = [field for form in ask.forms for field in Form(form).fields.values()]
+        return any((field.decimals >= 0 and field.kind != "e") or field.kind in ("d", "x") for field in fields)
 
     def asks(self) -> Iterator[tuple[str, Ask]]:
         """All its questions, with their place in the file."""

@@ -67,6 +67,7 @@ def driver_of(text: str) -> type[Declared]:
     members: dict[str, Any] = {
         "table": table,
         "wire": "modbus" if table.modbus else "serial",
+        "coarse": table.coarse,
         "shares": bool(table.wire.preamble) or any(f"{{{name}" in table.wire.request for name in table.parameters),
         "supplied": {} if constant is None else {"time_constant_s": constant},
         "Options": options_of(table),

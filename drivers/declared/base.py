@@ -35,6 +35,7 @@ class Declared:
     table: ClassVar[Instrument]
     wire: ClassVar[Medium]
     shares: ClassVar[bool]
+    coarse: ClassVar[bool]
     supplied: ClassVar[dict[str, Any]]
     contracts: ClassVar[tuple[ContractFile, ...]] = ()
     Options: ClassVar[type[BaseModel]]

@@ -190,7 +190,7 @@ class DeclaredReader(Declared):
             return "", OVERLOAD
         if found.value != found.value:
             raise self._talk.bad(ask, found.printed, "a reading")
-        return self._value(found.fields.get("value", ""), found.value)
+        return self._value(found.fields.get(ask.field, ""), found.value)
 
     def _value(self, printed: str, value: float) -> tuple[str, float]:
         if abs(value) >= self._reader.overload:

@@ -203,10 +203,10 @@ class TextTalk(Talk):
         words = ask.words or self.table.words
         for name, text in fields.items():
             field = form.fields[name]
-            if name == "value":
+            if name == ask.field and (name == "value" or text not in words):
                 printed = text
-                meaning = meaning or (self.meant(ask, text, self._number(ask, form, raw, text)) if words else "")
                 number = self._number(ask, form, raw, text)
+                meaning = meaning or (self.meant(ask, text, number) if words else "")
                 if ask.bit is not None:
                     meaning = "on" if int(number) >> ask.bit & 1 else "off"
                 value = ask.quantity(number)
@@ -217,13 +217,13 @@ class TextTalk(Talk):
                     raise self.bad(ask, raw, f"{name} {holes[name]}: this is another one's answer")
             elif words and not field.number and name not in TEXTS:
                 meaning = meaning or self.meant(ask, text, None)
-                printed = text if "value" not in fields else printed
-        if "value" not in fields and len(fields) == 1:
+                printed = text if ask.field not in fields or name == ask.field else printed
+        if ask.field not in fields and len(fields) == 1:
             printed = next(iter(fields.values()))
         return Answer(fields, value, meaning, printed)
 
     def _number(self, ask: Ask, form: Form, raw: str, text: str) -> float:
-        field = form.fields["value"]
+        field = form.fields[ask.field]
         try:
             number = field.read(text)
         except ValueError:

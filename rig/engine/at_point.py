@@ -122,7 +122,7 @@ class AtPoint:
         self._well = Wellness(do, journal)
         self._poll_s = conduct.poll_s
         read_by = (*bench.sensors.items(), *bench.references.items())
-        readers = {name: reader for name, (reader, _) in read_by if not bench.config.instruments[reader].coarse}
+        readers = {name: reader for name, (reader, _) in read_by if not bench.coarse(reader)}
         readers = {name: reader for name, reader in readers.items() if name not in bench.config.typed}
         last = journal.last_read()
         at, read = (None, {}) if last is None else (run_list.points[last[0]], last[1])

@@ -87,7 +87,7 @@ class WholePlots:
         self._by_hand_only = not self.soaked and all(bench.by_hand(f.name) is not None for f in run_list.hard)
         self.doubted_s = 0.0
         self._open_for: dict[str, int] = {}
-        self._readbacks = {s.chamber: Readback() for s in self.soaked if not bench.config.instruments[s.chamber].coarse}
+        self._readbacks = {s.chamber: Readback() for s in self.soaked if not bench.coarse(s.chamber)}
         self._whole_plot: int | None = None
 
     def note(self, identity: int | None, chambers: Mapping[str, Any]) -> None:

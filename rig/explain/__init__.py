@@ -34,6 +34,10 @@ TOPICS: Mapping[str, Topic] = {
     "equipment": Topic("keys of equipment.toml, the register", "explain.file_keys", "equipment"),
     "certificate": Topic("keys of certificate.toml", "explain.file_keys", "certificate"),
     "instruments": Topic("options of each driver, for bench.toml", "explain.file_keys", "instruments"),
+    "instrument-file": Topic("keys of the file of an instrument of your own", "explain.file_keys", "instrument_file"),
+    "declared": Topic(
+        "instruments that are files: what is sent, and how each was tried", "verbs.instrument.catalogue", "reference"
+    ),
     "world": Topic("keys of world.toml, the truth behind a simulated bench", "simulated.world_keys", "world"),
     "faults": Topic("kinds of [[faults]] in world.toml", "simulated.world_keys", "faults"),
     "effects": Topic("effects that a trace looks for, by kind", "explain.catalogues", "effects"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import types
 import typing
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Mapping, Set
 from enum import Enum
 from typing import Any
 
@@ -15,6 +15,8 @@ from pydantic.fields import FieldInfo
 
 from rig.bench.config import BenchConfig
 from rig.bench.plugins import driver_class, installed
+from rig.contracts.declared.exchanges import Ask, Tell
+from rig.contracts.declared.instrument import Channel, Errors, Instrument, Mark, Reader, Source, Wire
 from rig.procedures.kinds import kinds
 from rig.register import Register
 from rig.verbs.certificate.settings import CertificateSettings
@@ -49,6 +51,28 @@ def procedure() -> str:
 def instruments() -> str:
     """Options of every installed driver."""
     return _joined(*(f"## `{name}`\n\n{options(name)}" for name in installed("rig.drivers")))
+
+
+def instrument_file() -> str:
+    """Keys of the file of an instrument, and of its questions and commands."""
+    found = ["## An instrument's file"]
+    for title, model in _OF_INSTRUMENTS.items():
+        doc = " ".join((model.__doc__ or "").split("Attributes:")[0].split())
+        found.append(f"### {title}\n\n{doc}\n\n" + "\n".join(_rows(model, inner=True)))
+    return _joined(*found)
+
+
+_OF_INSTRUMENTS: Mapping[str, type[BaseModel]] = {
+    "The whole": Instrument,
+    "`[wire]`": Wire,
+    "`[errors]`": Errors,
+    "`[mark]`": Mark,
+    "`[reader]`": Reader,
+    "`[reader.channels.NAME]`": Channel,
+    "`[source]`": Source,
+    "A question": Ask,
+    "A command": Tell,
+}
 
 
 def _joined(*parts: str) -> str:
@@ -98,13 +122,17 @@ def _table(model: type[BaseModel], path: str, seen: Seen, given: object) -> str:
     return "\n\n".join(part for part in ("\n".join([head, rule, *own]) if own else "", also) if part)
 
 
-def _rows(model: type[BaseModel], given: object = None, supplied: Set[str] = frozenset()) -> list[str]:
-    """Lines of a table; keys `supplied` with a file of ours have a default that the model does not know."""
+def _rows(
+    model: type[BaseModel], given: object = None, supplied: Set[str] = frozenset(), *, inner: bool = False
+) -> list[str]:
+    """Lines of a table; keys `supplied` with a file of ours have a default that the model does not know. Keys with
+    models are in it if `inner`.
+    """
     rows = ["| key | value | default | meaning |", "| --- | --- | --- | --- |"]
     for name, field in model.model_fields.items():
-        if _inner(field) is None:
+        if inner or _inner(field) is None:
             default = "the supplied one" if name in supplied else _default(name, field, given)
-            rows.append(f"| `{name}` | {_type(field)} | {default} | {field.description or ''} |")
+            rows.append(f"| `{field.alias or name}` | {_type(field)} | {default} | {field.description or ''} |")
     return rows
 
 
@@ -137,6 +165,8 @@ def _bounds(field: FieldInfo, kind: type[Gt | Ge | Lt | Le]) -> list[Any]:
 
 
 _NAMES = {"str": "text", "int": "whole number", "float": "number", "bool": "true or false", "date": "date"}
+_NAMES |= {"Ask": "question", "Identity": "question", "Check": "question with its right answer", "Tell": "command"}
+_NAMES |= dict.fromkeys(("Wire", "Errors", "Mark", "Reader", "Source", "Channel"), "table")
 
 
 def _name(annotation: object) -> str:
@@ -163,7 +193,7 @@ def _default(name: str, field: FieldInfo, given: object) -> str:
         return "required"
     else:
         value = field.get_default(call_default_factory=True)
-    if value is None or value in ("", {}, ()):
+    if value is None or value in ("", {}, ()) or isinstance(value, BaseModel):
         return ""
     if isinstance(value, Enum):
         value = value.value

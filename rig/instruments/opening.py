@@ -146,6 +146,10 @@ class Bench:
             )
         return next(iter(heads.values()))
 
+    def coarse(self, name: str) -> bool:
+        """Whether readings of an instrument may repeat to the last digit: by the bench file, or by its own file."""
+        return self.config.instruments[name].coarse or bool(getattr(self.instruments[name], "coarse", False))
+
     def by_hand(self, factor: str) -> ByHand | None:
         """The person who sets a factor; None if an instrument does."""
         instrument = self.instruments.get(self.config.setters.get(factor, ""))

@@ -41,9 +41,11 @@ class LinesTwin(Behaviour):
         self._lines = [_Line(self._form(line), "preamble", None) for line in wire.preamble]
         for place, ask in self.table.asks():
             if ask.ask is not None:
-                self._lines.append(_Line(self._form(ask.ask), place, ask))
+                self._lines.append(_Line(self._line_form(ask.ask), place, ask))
         self._lines += [
-            _Line(self._form(tell.tell), place, tell) for place, tell in self.table.tells() if tell.tell is not None
+            _Line(self._line_form(tell.tell), place, tell)
+            for place, tell in self.table.tells()
+            if tell.tell is not None
         ]
         self._lines.sort(key=lambda line: len(line.form.fields))  # whole lines before those with something to fill in
         self._forms: dict[tuple[int, str], Form] = {}
@@ -53,6 +55,10 @@ class LinesTwin(Behaviour):
 
     def _form(self, text: str) -> Form:
         return Form(text).filled(self._parameters)
+
+    def _line_form(self, text: str) -> Form:
+        """The form of a line; the colon before a SCPI command may be left out."""
+        return self._form(text.removeprefix(":") if self.table.scpi else text)
 
     def switch_on(self) -> None:
         """State at power-on; a stream begins."""
@@ -137,7 +143,7 @@ class LinesTwin(Behaviour):
         if line == self.table.errors.ask:
             return self._told_error(), 0.0
         for form, place, what in self._lines:
-            fields = form.read(line, strict=False)
+            fields = form.read(line.removeprefix(":") if self.table.scpi else line, strict=False)
             if fields is None:
                 continue
             holes: dict[str, float | str] = {
@@ -146,14 +152,32 @@ class LinesTwin(Behaviour):
             }
             if isinstance(what, Tell):
                 self.does(place, what, holes)
-                return (Form(what.answer[0]).filled(self._parameters).write({}), what.wait_s) if what.answer else None
+                return (self._acknowledged(what, holes), what.wait_s) if what.answer else None
             if what is None:
                 return None
             said = self.answers(place, what, holes)
             if said.after_s > 0:
                 return partial(self._later, place, what, holes), said.after_s
-            return self._printed(what, said, holes), 0.0
+            return self._printed(what, self._with_others(place, what, said), holes), 0.0
         raise Refused
+
+    def _acknowledged(self, tell: Tell, holes: Mapping[str, float | str]) -> str:
+        """The acknowledgement of a command: it may repeat what was set."""
+        form = self._form(tell.answer[0])
+        said: dict[str, float | str] = {"unit": self._unit(), "text": "done", **holes}
+        return form.write({name: said.get(name, "0") for name in form.fields})
+
+    def _with_others(self, place: str, ask: Ask, said: Said) -> Said:
+        """An answer with the fields that other questions of the file read in it."""
+        others = [(p, one) for _, p, one in self._lines if isinstance(one, Ask) and one.ask == ask.ask and p != place]
+        if not others or (ask.field == "value" and all(one.field == "value" for _, one in others)):
+            return said
+        fields: dict[str, Any] = dict(said.fields)
+        for at, one in ((place, ask), *others):
+            told = said if at == place else self.answers(at, one, {})
+            words = {meaning: word for word, meaning in reversed({**self.table.words, **one.words}.items())}
+            fields[one.field] = words.get(told.meaning) or (told.value if not isnan(told.value) else "0")
+        return said._replace(fields=fields)
 
     def _later(self, place: str, ask: Ask, holes: Mapping[str, float | str]) -> str:
         return self._printed(ask, self.answers(place, ask, holes), holes)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from math import inf, isnan
 from typing import Any
 
-from rig.contracts.declared.exchanges import Ask, Register, Tell
+from rig.contracts.declared.exchanges import Ask, Check, Register, Tell
 from rig.sims.declared.behaviour import OVERLOAD, Behaviour, Refused
 from rig.sims.wires.modbus_slave import ILLEGAL_ADDRESS, ILLEGAL_VALUE
 from rig.sims.wires.modbus_slave import Refused as Exception_
@@ -55,7 +55,9 @@ class RegistersTwin(Behaviour):
         self._places: set[int] = set()
         self._kept: dict[tuple[str, int], float] = {}
         for place, ask in self.table.asks():
-            self._asks.setdefault((ask.table, (ask.register_ or 0) - first), (place, ask))
+            key = ask.table, (ask.register_ or 0) - first
+            if key not in self._asks or self._asks[key][0] == "identity":
+                self._asks[key] = (place, ask)
             self._places |= {ask.decimals - first} if ask.decimals is not None else set()
         for place, tell in self.table.tells():
             self._tells.setdefault((tell.table, (tell.register_ or 0) - first), []).append((place, tell))
@@ -100,7 +102,9 @@ class RegistersTwin(Behaviour):
         """The number of a register: of a setting what was written, otherwise what the instrument says."""
         key = ask.table, (ask.register_ or 0) - self.table.wire.first_register
         if place.startswith(("check", "mark")) and key in self._tells:
-            return self._kept.get(key, 0.0)
+            return self._kept.get(
+                key, float(ask.is_) + 1.0 if isinstance(ask, Check) and not isinstance(ask.is_, str) else 0.0
+            )
         said = self.answers(place, ask, {})
         words = {meaning: word for word, meaning in reversed({**self.table.words, **ask.words}.items())}
         if ask.bit is not None or ask.table in ("coil", "discrete") or ask.type == "bit":

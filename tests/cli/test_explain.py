@@ -12,8 +12,9 @@ import pytest
 from command import rig
 
 from rig.bench.config import BenchConfig
-from rig.bench.plugins import driver_class
+from rig.bench.plugins import declared, driver_class
 from rig.cli.commands import COMMANDS, loaded
+from rig.contracts.declared.instrument import Instrument
 from rig.engine.states import TRANSITIONS, State
 from rig.errors import ExitCode, UsageError
 from rig.explain import TOPICS, explained
@@ -68,6 +69,8 @@ WANTED = {
         for point in entry_points(group="rig.drivers")
         for key in (point.name, *driver_class(point.name).Options.model_fields)
     },
+    "instrument-file": {name.removesuffix("_") for name in keys_of_model(Instrument)},
+    "declared": {f"## `{name}`" for name in declared()},
     "world": set().union(*map(keys_of_tables, (Truth(), SensorTruth(), TransducerTruth(), HeadError()))),
     "faults": {kind.name for kind in COMMON} | {key for kind in COMMON for key in kind.options},
     "effects": {
