@@ -228,7 +228,7 @@ class Instrument(Strict):
         """Whether the number in an answer has a step."""
         if self.modbus:
             return (ask.type or self.wire.type) != "float32"
-        fields = [field for form in ask.forms for field in Form(form).fields.values()]
+        fields = [field for form in ask.forms for field in Form(form).fields.values() if field.name != "mark"]
         return any((field.decimals >= 0 and field.kind != "e") or field.kind in ("d", "x") for field in fields)
 
     def asks(self) -> Iterator[tuple[str, Ask]]:
