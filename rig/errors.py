@@ -42,7 +42,7 @@ class ExitCode(IntEnum):
         3,
         "done, but outside the acceptance limits of the procedure; or more than a tenth of the points were lost; "
         "`rig fit --tolerance`: an inferred value is less certain; `rig confirm`: several explanations remain, or "
-        "none, or the further run cannot show the effect",
+        "none, or the further run cannot show the effect; `rig loop`: the same, or a further run ended by a fault",
         "the run is complete and valid; see `rig trace RUN --report`, for lost points `rig status RUN`",
     )
     STOPPED = 4, "stopped by `rig stop`, parked", "`rig resume RUN` when ready"

@@ -38,10 +38,11 @@ _TURNS = (
 def further_runs(first: PitchRollProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
     """Runs after `first`, for `rig.procedures.plan.further_runs.possible`."""
     design, pitches = first.design, _pitches(first.design)
-    yield from _sizes("the same again", first)
+    yield from _sizes("the same again", first, varies="again")
     if first.order.type != "random":
         order = first.order.model_copy(update={"type": "random"})
-        yield from _sizes("in random order, from random sides", first.model_copy(update={"order": order}))
+        shuffled = first.model_copy(update={"order": order})
+        yield from _sizes("in random order, from random sides", shuffled, varies="order")
     if _rolls(design) == 1:
         yield from _sizes("at roll 0 and 180 deg", _over(first, pitches, [0.0, 180.0]))
         yield from _sizes("at roll 0, 90 and 180 deg", _over(first, pitches, [0.0, 90.0, 180.0]))
@@ -56,7 +57,8 @@ def further_runs(first: PitchRollProcedure, limits: Limits, *, chamber: bool) ->
         around = uniform(-WHOLE_TURN_DEG, WHOLE_TURN_DEG, count)
         yield from _sizes("over the whole turn in pitch", _over(first, around, design.build().roll_deg))
     if not chamber or first.environment is None:
-        yield from _sizes(f"on a night {WARMER_DEGC:g} degC warmer", first, warmer_degC=WARMER_DEGC, by_weather=True)
+        warmer = f"on a night {WARMER_DEGC:g} degC warmer"
+        yield from _sizes(warmer, first, warmer_degC=WARMER_DEGC, by_weather=True, varies="temperature")
     else:
         low, high = limits.get("enclosure_degC", (-80.0, 200.0))
         for by in (WARMER_DEGC, -WARMER_DEGC):
@@ -64,7 +66,7 @@ def further_runs(first: PitchRollProcedure, limits: Limits, *, chamber: bool) ->
             if low <= setpoint <= high:
                 environment = first.environment.model_copy(update={"setpoint_degC": setpoint})
                 at = first.model_copy(update={"environment": environment})
-                yield from _sizes(f"with the enclosure at {setpoint:g} degC", at, warmer_degC=by)
+                yield from _sizes(f"with the enclosure at {setpoint:g} degC", at, warmer_degC=by, varies="temperature")
     for axis, turn, words in _TURNS:
         mounting = _turned(first.mounting, axis, turn)
         turned = first.model_copy(update={"mounting": mounting})

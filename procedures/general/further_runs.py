@@ -10,6 +10,7 @@ from rig.procedures.general.design import MOST_POINTS
 from rig.procedures.general.factors import RANDOM, UP_DOWN
 from rig.procedures.general.settings import GeneralProcedure
 from rig.procedures.plan.further_runs import Variation
+from rig.procedures.plan.settings import Varies
 
 _LONGER, _SHORTEST_S, _LONGEST_S = 4.0, 30.0, 1800.0
 """Factor of the wait at a setting, its smallest result, and its largest, that tell what still moves from what stays."""
@@ -21,11 +22,12 @@ Values = dict[str, Any]
 
 def further_runs(first: GeneralProcedure) -> Iterator[Variation]:
     """Runs after `first`, each kind from the smallest to the largest."""
-    for what, changes in _kinds(first):
+    for what, varies, changes in _kinds(first):
         for times in sorted({1, first.replications, 2 * first.replications}):
             named = {"name": _named(first.name, what), "seed": first.seed + 1, "replications": times}
             run = with_routine(GeneralProcedure.model_validate({**values_of(first), **changes, **named}), first)
-            yield Variation(what, run, wait_s=run.settle.dwell_s - first.settle.dwell_s, routine=True)
+            wait_s = run.settle.dwell_s - first.settle.dwell_s
+            yield Variation(what, run, wait_s=wait_s, routine=True, varies=varies)
 
 
 def values_of(procedure: GeneralProcedure) -> Values:
@@ -70,20 +72,23 @@ def _but(step: Mapping[str, Any], place: str) -> Values:
     return {name: value for name, value in step.items() if name != place}
 
 
-def _kinds(first: GeneralProcedure) -> Iterator[tuple[str, Values]]:
-    """Differences from the first run, in words and as values of the file."""
+def _kinds(first: GeneralProcedure) -> Iterator[tuple[str, Varies, Values]]:
+    """Differences from the first run, in words, as a respect, and as values of the file."""
     values = values_of(first)
     factors: Mapping[str, Values] = values["factors"]
     easy = [name for name, factor in first.factors.items() if not factor.hard]
-    yield "the same again", {}
+    yield "the same again", "again", {}
     if any(first.factors[name].order != RANDOM for name in easy):
-        yield "settings in random order", {"factors": _with(factors, easy, order=RANDOM)}
-    yield from _sweeps(first, factors, easy)
+        yield "settings in random order", "order", {"factors": _with(factors, easy, order=RANDOM)}
+    for what, changes in _sweeps(first, factors, easy):
+        yield what, "order", changes
     if first.design.type == "grid":
-        yield from _between(first, factors)
+        for what, changes in _between(first, factors):
+            yield what, "settings", changes
     wait = max(_LONGER * first.settle.dwell_s, _SHORTEST_S)
     if easy and first.settle.dwell_s < wait <= _LONGEST_S:
-        yield f"{wait:g} s at each setting before it is read", {"settle": {**values.get("settle", {}), "dwell_s": wait}}
+        settle = {**values.get("settle", {}), "dwell_s": wait}
+        yield f"{wait:g} s at each setting before it is read", "wait", {"settle": settle}
 
 
 def _sweeps(

@@ -43,7 +43,7 @@ from rig.procedures.plan.fault_policies import (
     Policy,
 )
 from rig.procedures.plan.run_list import Factor, Point, RunList, Settle
-from rig.procedures.plan.settings import Acceptance, Name, Positive, Strict, WarningSettings
+from rig.procedures.plan.settings import Acceptance, LoopSettings, Name, Positive, Strict, WarningSettings
 
 _TAKEN = re.compile(r"(replicate|whole_plot|order|elapsed|block|run_index|simulated|accepted)(_.*)?")
 """Names with a meaning of their own in tables."""
@@ -179,6 +179,7 @@ class GeneralProcedure(Strict):
     expect: ExpectSettings = ExpectSettings()
     acceptance: GeneralAcceptance = GeneralAcceptance()
     by_hand: Steps = ()
+    loop: LoopSettings = LoopSettings()
 
     @field_validator("factors")
     @classmethod

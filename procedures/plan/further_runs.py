@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from rig.fitter.effects.manual_changes import Change, Done
+from rig.procedures.plan.settings import Varies
 
 Limits = Mapping[str, tuple[float, float]]
 
@@ -57,6 +58,7 @@ class Variation:
         steps: changes by a person in the run.
         wait_s: additional wait at every point, seconds.
         routine: whether the procedure's own steps by hand are a part of it.
+        varies: what differs from the first run, as `[loop] allow` of a procedure names it.
     """
 
     what: str
@@ -67,6 +69,7 @@ class Variation:
     steps: tuple[Step, ...] = ()
     wait_s: float = 0.0
     routine: bool = False
+    varies: Varies = "settings"
 
     @property
     def person(self) -> int:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from datetime import time
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 Positive = Annotated[float, Field(gt=0, le=1e6)]
 
@@ -45,6 +46,56 @@ class Acceptance(Strict):
     def limited(self) -> bool:
         """Whether any limit is set."""
         return any(getattr(self, name) is not None for name in type(self).model_fields)
+
+
+Varies = Literal["again", "order", "settings", "temperature", "wait"]
+"""Respects in which a further run differs from the first one."""
+
+
+def _is_time(text: str) -> bool:
+    try:
+        time.fromisoformat(text)
+    except ValueError:
+        return False
+    return True
+
+
+class LoopSettings(Strict):
+    """Bounds of `rig loop`, which makes further runs by itself. Options of the command line come first."""
+
+    until: str | None = Field(None, description="time of day by which all is done, as 07:00; local time")
+    hours: Positive | None = Field(None, description="the same as a number of hours; without `until`")
+    most_runs: int = Field(3, ge=0, le=20, description="maximum number of further runs")
+    least_gain: float = Field(
+        0.02,
+        ge=0,
+        le=1,
+        description="a further run has to settle an open question with at least this probability per hour, on average "
+        "over the open questions",
+    )
+    allow: tuple[Varies | Literal["person"], ...] = Field(
+        ("again", "order", "settings", "temperature", "wait"),
+        description="in what a further run may differ from the first: the same again, another order, other settings, "
+        "another temperature, longer waits; with person, also runs in which somebody has to do something",
+    )
+    stop_when: Literal["explained", "confirmed"] = Field(
+        "confirmed",
+        description="explained: no further run once every effect has one explanation; confirmed: only once a further "
+        "run has shown it, too",
+    )
+
+    @field_validator("until")
+    @classmethod
+    def _is_time_of_day(cls, until: str | None) -> str | None:
+        if until is not None and not (len(until) == len("07:00") and _is_time(until)):
+            raise ValueError("until is a time of day such as 07:00")
+        return until
+
+    @model_validator(mode="after")
+    def _one_end(self) -> Self:
+        if self.until is not None and self.hours is not None:
+            raise ValueError("until and hours both say when the loop ends; leave one out")
+        return self
 
 
 class WarningSettings(Strict):

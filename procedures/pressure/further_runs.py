@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from rig.procedures.plan.further_runs import Variation
+from rig.procedures.plan.settings import Varies
 from rig.procedures.pressure.settings import WholePlotProcedure
 
 
@@ -13,17 +14,18 @@ def further_runs(first: WholePlotProcedure) -> Iterator[Variation]:
     """Runs after `first`: the temperatures of the design, some or all of them, with other pressures."""
     pressures = sorted(first.design.pressures_psia)
     between = [round((low + high) / 2, 6) for low, high in itertools.pairwise(pressures)]
-    for what, levels, repeated in (
-        ("the same pressures in another order", pressures, first.design.repeated_psia),
-        ("every pressure twice in a whole plot", pressures, pressures),
-        ("pressures between those of the first run too", sorted({*pressures, *between}), []),
-    ):
+    kinds: tuple[tuple[str, Varies, Sequence[float], Sequence[float]], ...] = (
+        ("the same pressures in another order", "order", pressures, first.design.repeated_psia),
+        ("every pressure twice in a whole plot", "order", pressures, pressures),
+        ("pressures between those of the first run too", "settings", sorted({*pressures, *between}), []),
+    )
+    for what, varies, levels, repeated in kinds:
         for pairs in _temperatures(first):
             design = first.design.model_copy(
                 update={
                     "type": "list",
                     "temperatures_degC": pairs,
-                    "pressures_psia": levels,
+                    "pressures_psia": list(levels),
                     "repeated_psia": list(repeated),
                 }
             )
@@ -35,7 +37,7 @@ def further_runs(first: WholePlotProcedure) -> Iterator[Variation]:
                     "name": f"{first.name}: {what}"[:80],
                 }
             )
-            yield Variation(what, run)
+            yield Variation(what, run, varies=varies)
 
 
 def _temperatures(first: WholePlotProcedure) -> Iterator[list[tuple[float, float]]]:

@@ -26,6 +26,11 @@ _RUNNING, _DATA, _TRYING = "Running", "Data", "Trying"
 COMMANDS = {
     "run": Entry(_RUNNING, "rig.cli.run", "Carry out a procedure on a bench."),
     "resume": Entry(_RUNNING, "rig.cli.run", "Resume an interrupted run."),
+    "loop": Entry(
+        _RUNNING,
+        "rig.cli.loop",
+        "Run a procedure, find and confirm what its model lacks by further runs, and calibrate, until a time.",
+    ),
     "doctor": Entry(
         _RUNNING,
         "rig.cli.doctor",

@@ -16,8 +16,9 @@ from rig.cli.confirm_show import listed, show, show_open, show_proposals
 from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.options import JsonOption, RunArgument
 from rig.cli.progress import run_progress
-from rig.cli.run import conclude, signals
+from rig.cli.run import conclude
 from rig.cli.show import err, headline, print_json
+from rig.cli.signals import signals
 from rig.engine.session import Outcome
 from rig.errors import ExitCode, UsageError
 from rig.files.atomic import check_files, check_format, write_whole

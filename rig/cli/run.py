@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import sys
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
+from signal import SIGKILL
 from typing import Annotated
 
 import typer
@@ -19,6 +18,7 @@ from rig.cli.commands import app
 from rig.cli.options import BenchOption, OperatorOption, ProcedureArgument, RunArgument
 from rig.cli.progress import run_progress
 from rig.cli.show import err, mark, outlive_readers
+from rig.cli.signals import signals
 from rig.cli.unattended import (
     Listening,
     LogFormatOption,
@@ -32,8 +32,8 @@ from rig.cli.unattended import (
     remarks,
 )
 from rig.engine.early_warning import warnings_in
-from rig.engine.session import Outcome, Progress, Signals
-from rig.errors import ExitCode, RigError
+from rig.engine.session import Outcome, Progress
+from rig.errors import ExitCode, RigError, UsageError
 from rig.files.atomic import check_added_to
 from rig.procedures.present.durations import duration
 from rig.procedures.present.shell import shell_word
@@ -168,6 +168,13 @@ def resume(
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
     """
     outlive_readers()
+    if run_file.name.endswith(".loop.sqlite"):
+        from rig.cli.loop import resume_of_loop  # noqa: PLC0415
+
+        if bench is not None or accept or kill_at_point is not None or unless_stopped:
+            raise UsageError("of the options about the bench, only --gap is for a loop: resume its open run with them")
+        return resume_of_loop(run_file, gap, Listening(log, log_format, notify, notify_file, dry=False, strict=False),
+                              operator_name)  # fmt: skip
     by = operator(operator_name)
     check_added_to(log, [run_file, bench, notify_file])
     with RunReader.open(run_file) as reader:
@@ -275,30 +282,13 @@ def _outside_acceptance(result: Result) -> bool:
     return acceptance.outside
 
 
-def signals() -> Signals:
-    """SIGINT, SIGTERM and SIGHUP (a lost terminal) stop motion and leave the run resumable.
-
-    SIGINT and SIGHUP stay ignored if they were ignored when this process began.
-    """
-    signals = Signals()
-
-    def note(number: int, _frame: FrameType | None) -> None:
-        signals.interrupt = signal.Signals(number).name
-
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        # nohup, and shells that start a command in the background, ask for these to be ignored
-        if number == signal.SIGTERM or signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, note)
-    return signals
-
-
 def _killing(show: Callable[[Progress], None], at_point: int | None) -> Callable[[Progress], None]:
     if at_point is None:
         return show
 
     def show_or_die(news: Progress) -> None:
         if news.done >= at_point:
-            os.kill(os.getpid(), signal.SIGKILL)
+            os.kill(os.getpid(), SIGKILL)
         show(news)
 
     return show_or_die

@@ -73,6 +73,11 @@ def verify(
     if restore is not None:
         return _restore(run_file, restore, head, as_json)
     found = verify_file(run_file, head)
+    if found.whole and run_file.name.endswith(".loop.sqlite"):
+        from rig.loop import findings_of_runs, open_program  # noqa: PLC0415 - few files are loops
+
+        of_runs = tuple(findings_of_runs(open_program(run_file)))
+        found = dataclasses.replace(found, findings=of_runs)
     seals = _seals(run_file, authority, sealed_by or [])
     if as_json:
         _print_json(found, seals)

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
 """Key in the first record of a dry run: age of its world at the begin of the run, if it was not new."""
 
-_VIRTUAL = "virtual"
+VIRTUAL = "virtual"
 """Replaces the boot id under virtual time: its clock is continuous across sessions."""
 
 
@@ -89,9 +89,17 @@ def _world(plan: Plan) -> Mapping[str, Any]:
     return {**truth, "mounting": {**truth.get("mounting", {}), **mounting}}
 
 
+def bench_clock(plan: Plan) -> tuple[Clock, str]:
+    """The clock of a bench that is no dry one, and the identifier of this boot."""
+    live = plan.bench.live
+    clock = WatchedClock(ScaledClock(live.speed, live.epoch_utc, live.started_utc) if live else RealClock())
+    return clock, f"{boot_id()}*{live.speed:g}" if live else boot_id()
+
+
 @contextlib.contextmanager
-def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, str]]:
-    """The bench of a plan, opened and locked, with its clock and the identifier of this boot.
+def opened(plan: Plan, *, start: float = 0.0, held: bool = False) -> Iterator[tuple[Bench, Clock, str]]:
+    """The bench of a plan, opened and locked (unless this process has locked it: `held`), with its clock and the
+    identifier of this boot.
 
     Raises:
         BenchFault: an instrument cannot be reached.
@@ -105,7 +113,7 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
         bench.person = dry.person
         try:
             with dry.checked():
-                yield bench, dry.clock, _VIRTUAL
+                yield bench, dry.clock, VIRTUAL
         finally:
             bench.close()
             dry.close()
@@ -113,9 +121,8 @@ def opened(plan: Plan, *, start: float = 0.0) -> Iterator[tuple[Bench, Clock, st
     from rig.drivers.wires import Wires  # noqa: PLC0415
 
     live = plan.bench.live
-    clock = WatchedClock(ScaledClock(live.speed, live.epoch_utc, live.started_utc) if live else RealClock())
-    boot = f"{boot_id()}*{live.speed:g}" if live else boot_id()
-    with locked_addresses(plan.bench.instruments):
+    clock, boot = bench_clock(plan)
+    with contextlib.nullcontext() if held else locked_addresses(plan.bench.instruments):
         bench = open_bench(plan.bench, check_options(plan.bench, "bench"), clock, Wires(clock))
         if live is not None and live.by_hand:
             bench.person = ServedBench(live.by_hand)
@@ -150,6 +157,7 @@ def start_run(
     create_only: bool = False,
     site: Site = Site(),
     by: Operator | None = None,
+    run_id: str = "",
 ) -> Result:
     """Create a run in `folder` and carry it out.
 
@@ -157,7 +165,7 @@ def start_run(
     behind. `announce` is called with the run file's path as soon as it exists. A dry run's world may be older than the
     run: `world_start_s` is its time, in seconds, at the begin of the run. `observer` is called with every record. With
     `create_only` nothing is carried out: a later resume does that. `by` is the operator's name, by default the login
-    name.
+    name. `run_id` names the run; by default its name has the time of its begin.
     """
     by = by or operator()
     check_room(folder, len(plan.run_list))
@@ -172,7 +180,7 @@ def start_run(
             identities(bench)
         except DriverError as error:
             raise BenchFault(str(error)) from error
-        run_id = _new_id(plan.procedure.name)
+        run_id = run_id or new_id(plan.procedure.name)
         path = folder / f"{run_id}.sqlite"
         software = versions(one.driver for one in plan.bench.instruments.values())
         about = {"dry": plan.dry, "software": software, "procedure": plan.procedure.name, "bench": plan.bench.name}
@@ -315,7 +323,7 @@ def _session(
         from rig.runs.previous import parse_previous  # noqa: PLC0415
 
         previous = parse_previous(plan.documents[PREVIOUS], str(run.path))
-    gap = Gap(run.about().world_start_s or 0.0) if boot == _VIRTUAL else gap_since(state, clock, boot)
+    gap = Gap(run.about().world_start_s or 0.0) if boot == VIRTUAL else gap_since(state, clock, boot)
     if gap.warning:
         warn(gap.warning)
     session = Session(
@@ -351,7 +359,8 @@ def _session(
     return Result(run.path, outcome, sequencer.message, state, plan.procedure, run.written[1].hex(), parked)
 
 
-def _new_id(name: str) -> str:
+def new_id(name: str) -> str:
+    """A name for a new run of this procedure: time of its begin, procedure, and four random digits."""
     slug = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40] or "run"
     moment = datetime.fromtimestamp(RealClock().utc(), UTC)
     return f"{moment:%Y%m%dT%H%M%S}-{slug}-{secrets.token_hex(2)}"

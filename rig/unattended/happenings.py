@@ -17,7 +17,7 @@ from rig.run_file.events.sessions import SessionBegan
 
 
 class Kind(StrEnum):
-    """Kinds of reports. `notify.toml` may list the first ten under `on`."""
+    """Kinds of reports. `notify.toml` may list those down to `loop` under `on`."""
 
     START = "start"
     CRASH = "crash"
@@ -28,6 +28,7 @@ class Kind(StrEnum):
     STOP = "stop"
     INTERRUPT = "interrupt"
     FINISH = "finish"
+    LOOP = "loop"
     TEST = "test"
     STATE = "state"
     PROGRESS = "progress"

@@ -217,7 +217,7 @@ class RunWriter(RunReader):
                 self._pending.clear()  # records about the failure must not follow an end record
                 raise
             # The end record is written; only the checkpoint failed, which is repeated below.
-        self._settle()
+        self.settle()
 
     def correct(self, record: Record, *, ended: bool) -> None:
         """Add a correction, also after the end record; the file of an ended run is an ordinary one again then.
@@ -228,9 +228,9 @@ class RunWriter(RunReader):
         """
         self.append(record)
         if ended:
-            self._settle()
+            self.settle()
 
-    def _settle(self) -> None:
+    def settle(self) -> None:
         """Turn the file into an ordinary one, and read it back. Raises `StorageError` if it holds something else."""
         self._db.set_busy_timeout(200)  # milliseconds: somebody may read for long, and the end waits for nobody
         # A reader is open, or the disk refuses: every record is safe, only the log file remains.

@@ -24,6 +24,7 @@ HEADLINES = {
     Kind.STOP: "stopped on request",
     Kind.INTERRUPT: "interrupted",
     Kind.FINISH: "finished",
+    Kind.LOOP: "decided by itself",
     Kind.TEST: "a test message",
 }
 _AGAIN = (

@@ -21,9 +21,9 @@ from rig.unattended.happenings import Kind
 from rig.unattended.notify.message import PLACEHOLDERS
 from rig.unattended.notify.template import check_names
 
-About = Literal["start", "crash", "hold", "fault", "warning", "ended-by-fault", "stop", "interrupt", "finish"]
+About = Literal["start", "crash", "hold", "fault", "warning", "ended-by-fault", "stop", "interrupt", "finish", "loop"]
 EVERYTHING: tuple[About, ...] = (
-    "crash", "hold", "fault", "warning", "ended-by-fault", "stop", "interrupt", "finish",
+    "crash", "hold", "fault", "warning", "ended-by-fault", "stop", "interrupt", "finish", "loop",
 )  # fmt: skip
 """Default of `on`: all reports except an ordinary start, at which somebody is present."""
 

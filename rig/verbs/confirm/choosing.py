@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -49,7 +50,9 @@ def groups_of(first: First) -> list[list[Variation]]:
     for variation in possible(_further_runs(first), first.bench.limits):
         if not first.confirming.suits(variation, first.questions):
             continue
-        groups.setdefault(variation.what, []).append(first.confirming.standing(variation))
+        standing = first.confirming.standing(variation)
+        if first.most_h == math.inf or first.confirming.hours(standing, standing.procedure.expand()) <= first.most_h:
+            groups.setdefault(variation.what, []).append(standing)
     return list(groups.values())
 
 
@@ -130,7 +133,9 @@ def _of_chosen_points(
         pairs = points.pairs if pairs is None else pairs
         for one in points.choose(kind.counts, least):
             variation = kind.chosen(whole, one.units)
-            found.append(OfPoints(whole, one, kind.hours(variation, variation.procedure.expand())))
+            hours = kind.hours(variation, variation.procedure.expand())
+            if hours <= first.most_h:
+                found.append(OfPoints(whole, one, hours))
     most_sigmas, kept = 0.0, []
     for run in sorted(found, key=lambda run: run.hours):
         if run.choice.sigmas > most_sigmas + MORE_SIGMAS:  # a longer run with less separation is not worth a forecast

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,6 +45,8 @@ class First:
         began_utc_s: time of its begin.
         world_s: age of its simulated world at the begin.
         read: gives the table of a run file, that of later runs, too.
+        begins_s: seconds from its begin to that of the next further run; None for the same time of a later day.
+        most_h: longest bench time of a further run, hours.
     """
 
     path: Path
@@ -57,6 +60,8 @@ class First:
     began_utc_s: float
     world_s: float
     read: Callable[[Path], Table] = run_table
+    begins_s: float | None = None
+    most_h: float = math.inf
 
     @property
     def simulated(self) -> bool:
@@ -69,7 +74,11 @@ class First:
 
     @property
     def later_s(self) -> float:
-        """Seconds from its begin to the same time of a later day, after its end and that of further runs."""
+        """Seconds from its begin to that of the next run: the same time of a later day, after its end and that of
+        further runs, unless `begins_s` says another time.
+        """
+        if self.begins_s is not None:
+            return self.begins_s
         last = Later(self.confirming.data, 0.0)
         last = max((last, *self.confirming.earlier), key=lambda run: run.after_s)
         return DAY_S * float(np.ceil((last.after_s + last.data.elapsed_s.max() + 3600.0) / DAY_S))

@@ -30,21 +30,32 @@ def write_confirm_report(path: Path, confirmed: Confirmed) -> None:
 
 def confirm_report(confirmed: Confirmed) -> str:
     """The report as HTML; its provenance is that of the further run."""
-    told, errors = confirmed.to_json(), confirmed.judged.errors
+    errors = confirmed.judged.errors
     contents = {
         "first": confirmed.first.path.name,
         "unit": "" if any(confirmed.named(name) != name for name in errors) else confirmed.unit,
         "sentences": list(sentences(confirmed)),
         "taken_out": confirmed.own,
-        "errors": [
-            [confirmed.named(name), *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma))]
-            for name, e in errors.items()
-        ],
-        "answers": [_answer(confirmed, a, json) for a, json in zip(confirmed.answers, told["effects"], strict=True)],
+        "errors": shown_errors(confirmed),
+        "answers": shown_answers(confirmed),
     }
     table = run_table(confirmed.path)
     span_s = 3600.0 * confirmed.bench_h
     return render(Page("rig.verbs", "confirm.html.j2", table, span_s, known(table).unused(table).to_json(), contents))
+
+
+def shown_errors(confirmed: Confirmed) -> list[list[str]]:
+    """Rows of a table: sensor, error of the declared model on the further runs, with the effects, and of a row."""
+    return [
+        [confirmed.named(name), *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma))]
+        for name, e in confirmed.judged.errors.items()
+    ]
+
+
+def shown_answers(confirmed: Confirmed) -> list[dict[str, Any]]:
+    """Every effect with its explanations, their evidence, and plots of the further runs, for a template."""
+    told = confirmed.to_json()["effects"]
+    return [_answer(confirmed, a, json) for a, json in zip(confirmed.answers, told, strict=True)]
 
 
 def _answer(confirmed: Confirmed, answer: Confirmation, told: dict[str, Any]) -> dict[str, Any]:

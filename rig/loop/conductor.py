@@ -1,0 +1,409 @@
+"""The conductor of a loop: run, trace, further runs, calibration, report, certificate.
+
+Every step is a record of the program file before the next one begins. A session folds the records and goes on with the
+first step that is missing, so it does not matter where the session before was cut. A result of a step (a trace, a
+judgement) is computed again in a new session, from the same run files; what it decided, ran or wrote is not repeated.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import platform
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+from rig.engine.session import Nobody, Observer, Outcome, Progress, Signals
+from rig.errors import BenchFault, RigError
+from rig.fitter.errors import FitError
+from rig.loop import products
+from rig.loop.decide import Decision, Left, decide, for_person
+from rig.loop.findings import found_by_first, found_by_later
+from rig.loop.program import SUFFIX, LoopRun, Program
+from rig.loop.timeline import EVALUATION_S, Timeline
+from rig.procedures.errors import DataError
+from rig.run_file.chain import Record, encode
+from rig.run_file.events.event import Event
+from rig.run_file.events.loops import (
+    LoopClosed,
+    LoopContinued,
+    LoopDecided,
+    LoopForPerson,
+    LoopRunEnded,
+    LoopRunPlanned,
+)
+from rig.run_file.events.sessions import SessionBegan
+from rig.run_file.read.reader import RunReader
+from rig.run_file.state.state import read_state
+from rig.run_file.write.writer import RunWriter
+from rig.runs.controller import Result, Site, resume_run, start_run
+from rig.runs.plans import Plan, plan_of
+from rig.verbs.confirm import Confirmed, First, consider, judge, open_traced
+from rig.verbs.confirm.further_plan import procedure_text
+from rig.version import versions
+from rig.who import Operator
+
+FAULTS = (RigError, DataError, FitError)
+"""Errors of data and files that a loop closes with; any other one is a defect of this program."""
+
+
+class Told(Protocol):
+    """Receives what a loop does, for terminal, log and messages."""
+
+    def run_begins(self, path: Path) -> None:
+        """A run's file exists, or goes on."""
+
+    def says(self, record: Record) -> None:
+        """A record of the loop was written."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """The end of a session of a loop.
+
+    Attributes:
+        program: state of the loop.
+        outcome: "complete" once it is closed; otherwise how its open run ended, and the loop can be resumed.
+        message: the reason, "" if none is needed.
+        head: hash of the last record of the program file.
+        unsafe: whether some instrument is not known to be in its safe state.
+    """
+
+    program: Program
+    outcome: Outcome
+    message: str = ""
+    head: str = ""
+    unsafe: bool = False
+
+
+@dataclass
+class Conductor:
+    """A session of a loop.
+
+    Attributes:
+        writer: its program file.
+        program: state by the records.
+        plan: of its first run.
+        signals: checked wherever a run waits, and between steps.
+        told: receives what happens.
+        on_progress: called with the progress of its runs.
+        observer: receives the records of its runs.
+        site: how benches are opened.
+        by: operator.
+        dry_gap_s: of a dry loop, bench seconds without power before an open run is resumed.
+        considered: gives the possible further runs.
+        certified: whether a certificate is tried.
+        recorded: called with the name of the last event after every commit; campaigns kill there.
+    """
+
+    writer: RunWriter
+    program: Program
+    plan: Plan
+    signals: Signals
+    told: Told
+    on_progress: Callable[[Progress], None]
+    by: Operator
+    observer: Observer = field(default_factory=Nobody)
+    site: Site = field(default_factory=Site)
+    dry_gap_s: float = 120.0
+    considered: Callable[[First], Any] = consider
+    certified: bool = True
+    recorded: Callable[[str], None] = lambda _: None
+    _begun: bool = False
+
+    def __post_init__(self) -> None:
+        self.timeline = Timeline(self.plan, self.program.run)
+        self._session = self.program.run.sessions + 1
+
+    def conduct(self) -> Ending:
+        """Go on to the end of the loop, or of the session.
+
+        Raises:
+            RigError: a record could not be made durable, or a file cannot be used; the loop can be resumed.
+        """
+        if not self._begun:
+            self._begin()
+        ended = self._first_run() or self._further_runs()
+        if ended is not None:
+            return ended
+        self._close()
+        return self._ending(Outcome.COMPLETE)
+
+    def continues(self, event: LoopContinued) -> None:
+        """Open the closed loop again, for `conduct`."""
+        self._begin()
+        self.record(event)
+        self._begun = True
+
+    # --- records --------------------------------------------------------------------------------------------------
+
+    def record(self, *events: Event, last: bool = False) -> None:
+        """Write events, durable together; the `last` one makes the file an ordinary one."""
+        times = round(self.timeline.elapsed_s, 3), round(self.timeline.utc_s, 3)
+        records = [
+            Record(self._session, one.kind, *times, status=one.status, body=encode(one.body())) for one in events
+        ]
+        for record in records[:-1]:
+            self.writer.append(record, commit=False)
+        if last:
+            self.writer.correct(records[-1], ended=True)
+        else:
+            self.writer.append(records[-1])
+        for record in records:
+            self.program.add(record)
+            self.told.says(record)
+        self.recorded(type(events[-1]).__name__)
+
+    def _begin(self) -> None:
+        gap, dropped, elapsed_s = self.timeline.gap, self.writer.dropped, self.timeline.elapsed_s
+        about: Mapping[str, Any] = {
+            **self.by.as_json(),
+            "simulated": self.plan.dry or self.plan.bench.simulated,
+            "pid": os.getpid(),
+            "host": platform.node(),
+            "boot": self.timeline.boot,
+            "software": versions(one.driver for one in self.plan.bench.instruments.values()),
+        }
+        self.record(
+            SessionBegan(
+                **about,
+                clock_s=self.timeline.clock_s,
+                elapsed_s=elapsed_s,
+                gap_s=max(0.0, elapsed_s - self.program.run.elapsed_s),
+                gap_certain=gap.certain,
+                gap_known=gap.known,
+                wal_frames_dropped=dropped.dropped,
+                wal_commits_lost=dropped.lost_commits,
+                wal_damage=dropped.damage,
+            )
+        )
+
+    def _ending(self, outcome: Outcome, message: str = "") -> Ending:
+        unsafe = any(run.ended is not None and run.ended.how == Outcome.UNSAFE.value for run in self.program.runs)
+        return Ending(self.program, outcome, message, self.writer.written[1].hex(), unsafe)
+
+    # --- runs -----------------------------------------------------------------------------------------------------
+
+    def _first_run(self) -> Ending | None:
+        """Plan and make the first run. A fault of it ends the session: without it there is nothing to evaluate."""
+        if not self.program.runs:
+            bounds = self.program.bounds
+            self.record(self._planned(self.plan.procedure.name, bounds.first_h, self.plan.documents["procedure.toml"]))
+        run = self.program.runs[0]
+        if run.ended is not None:
+            return None
+        result = self._made(run, self.plan)
+        if result.outcome is not Outcome.COMPLETE:
+            return self._ending(result.outcome, result.message)
+        self.record(_ended(run, result))
+        return None
+
+    def _planned(self, what: str, hours: float, procedure: str) -> LoopRunPlanned:
+        number = len(self.program.runs) + 1
+        name = self.program.path.name.removesuffix(SUFFIX)
+        return LoopRunPlanned(
+            number=number,
+            run_id=f"{name}-{number}",
+            what=what,
+            hours=round(hours, 3),
+            procedure=procedure,
+            begins_s=round(self.timeline.elapsed_s, 3),
+        )
+
+    def _made(self, run: LoopRun, plan: Plan) -> Result:
+        """Make a run, or go on with it: its file shows which."""
+        path, begins_s = self.program.file_of(run), run.planned.begins_s
+        common: dict[str, Any] = {"signals": self.signals, "on_progress": self.on_progress, "by": self.by}
+        common |= {"observer": self.observer, "site": self.site}
+        if path.exists():
+            self.told.run_begins(path)
+            result = resume_run(path, dry_gap_s=self.dry_gap_s, **common)
+        else:
+            result = start_run(
+                plan,
+                path.parent,
+                announce=self.told.run_begins,
+                world_start_s=begins_s if plan.dry else 0.0,
+                run_id=run.planned.run_id,
+                **common,
+            )
+        self.timeline.passes(begins_s + result.state.elapsed_s)
+        return result
+
+    def _further_run(self, run: LoopRun) -> Ending | None:
+        """Make a further run. A fault of it is recorded: the loop closes with what it has."""
+        documents = {**self.program.documents, "procedure.toml": run.planned.procedure}
+        if not self.plan.dry:
+            documents.pop("world.toml", None)
+        try:
+            result = self._made(run, plan_of(documents, dry=self.plan.dry))
+        except BenchFault as error:
+            self.record(_not_made(self.program.file_of(run), run, error))
+            return None
+        # A fault that the run file could not record is one of the disk: nothing can be decided without it.
+        if result.outcome in (Outcome.INTERRUPTED, Outcome.STOPPED) or (
+            result.outcome is not Outcome.COMPLETE and result.state.rested != "faulted"
+        ):
+            return self._ending(result.outcome, result.message)
+        self.record(_ended(run, result))
+        return None
+
+    # --- evaluation -----------------------------------------------------------------------------------------------
+
+    @cached_property
+    def first(self) -> First:
+        """The first run, traced."""
+        return open_traced(self.program.file_of(self.program.runs[0]))
+
+    @cached_property
+    def _of_later(self) -> dict[tuple[Path, ...], Confirmed]:
+        return {}
+
+    def confirmed(self) -> Confirmed | None:
+        """The judgement by all complete further runs; None without one."""
+        later = tuple(self.program.further)
+        if later and later not in self._of_later:
+            self._of_later[later] = judge(self.first, *later)
+        return self._of_later.get(later)
+
+    def _further_runs(self) -> Ending | None:
+        while True:
+            if self.signals.interrupt:
+                return self._ending(Outcome.INTERRUPTED, f"interrupted ({self.signals.interrupt}) between two steps")
+            run = self.program.open_run
+            if run is not None and (ended := self._further_run(run)) is not None:
+                return ended
+            if self.program.decided is not None:
+                return None
+            decision = self._decision()
+            self._decide(decision)
+            if decision.run is None:
+                return None
+
+    def _decision(self) -> Decision:
+        """The next step, from all runs so far."""
+        try:
+            told = self._evaluated()
+        except FAULTS as error:
+            return Decision(None, f"the runs cannot be evaluated: {error}")
+        last = self.program.runs[-1]
+        if last.ended is not None and not last.complete and len(self.program.runs) > self.program.closed_runs:
+            why = f"run {last.planned.number} ended by a fault: {last.ended.message or last.ended.how}"
+            return Decision(None, f"{why}; the loop closes with what it has", told is not None and told.settled)
+        bounds = self.program.bounds.bounds
+        elapsed_s = self.timeline.elapsed_s
+        left = Left(
+            (self.program.ends_s - elapsed_s) / 3600.0,
+            bounds.most_runs - (len(self.program.runs) - max(1, self.program.closed_runs)),
+            self.program.allow,
+        )
+        first = replace(self.first, begins_s=elapsed_s)
+        return decide(first, told, bounds, left, self.considered)
+
+    def _evaluated(self) -> Confirmed | None:
+        """The judgement so far; what it tells is recorded once."""
+        first, told, count = self.first, self.confirmed(), self.program.complete
+        if count not in self.program.found:
+            found = found_by_first(first) if told is None else found_by_later(told, count)
+            self.timeline.passes(self.timeline.elapsed_s + EVALUATION_S)
+            self.record(found)
+        return told
+
+    def _decide(self, decision: Decision) -> None:
+        run, after = decision.run, len(self.program.runs)
+        left_h = (self.program.ends_s - self.timeline.elapsed_s) / 3600.0
+        events: list[Event] = [
+            LoopDecided(
+                after=after,
+                next="close" if run is None else "run",
+                why=decision.why,
+                left_h=round(left_h, 3),
+                hours=None if run is None else round(run.hours, 3),
+                chance=decision.chance,
+                gain_per_h=decision.gain_per_h,
+                settled=decision.settled,
+            )
+        ]
+        if run is None:
+            told = for_person(self.first, decision.for_person) if decision.for_person else ()
+            events += [
+                LoopForPerson(after=after, do=do, what=what, hours=round(hours, 3), decides=decides)
+                for do, what, hours, decides in told
+            ]
+        else:
+            variation = run.variation
+            text = procedure_text(variation.procedure, variation.steps, routine=variation.routine)
+            events.append(self._planned(variation.what, run.hours, text))
+        self.record(*events)
+
+    # --- the end --------------------------------------------------------------------------------------------------
+
+    def _close(self) -> None:
+        program = self.program
+        if program.closed is not None:
+            return
+        if "calibration" not in program.wrote:
+            self.record(products.calibration(program))
+        if self.certified and "certificate" not in program.wrote:
+            self._certificate()
+        decided = program.decided
+        assert decided is not None  # by `_further_runs`
+        if "report" not in program.wrote:
+            self.record(products.report(program, self._confirmed_or_none()))
+        heads = {program.file_of(run).name: run.ended.head for run in program.runs if run.ended is not None}
+        for_people = f"; {len(program.for_person)} for a person" if program.for_person else ""
+        self.record(
+            LoopClosed(
+                settled=decided.settled,
+                fault=any(not run.complete for run in program.runs),
+                heads=heads,
+                why=f"{decided.why}{for_people}",
+                bench_h=round(sum(run.ended.took_s for run in program.runs if run.ended is not None) / 3600.0, 3),
+            ),
+            last=True,
+        )
+
+    def _confirmed_or_none(self) -> Confirmed | None:
+        with contextlib.suppress(*FAULTS):
+            return self.confirmed()
+        return None
+
+    def _certificate(self) -> None:
+        """Issue a certificate, if the laboratory has settled one and the register allows it."""
+        settings = products.certificate_settings(self.program)
+        if settings is not None:
+            self.record(products.certificate(self.program, settings, self.timeline.utc_s))
+
+
+def _ended(run: LoopRun, result: Result) -> LoopRunEnded:
+    state = result.state
+    return LoopRunEnded(
+        number=run.planned.number,
+        how=result.outcome.value,
+        head=result.head,
+        accepted=len(state.accepted),
+        points=state.points,
+        took_s=round(state.elapsed_s, 3),
+        message="" if result.outcome is Outcome.COMPLETE else result.message,
+    )
+
+
+def _not_made(path: Path, run: LoopRun, error: BenchFault) -> LoopRunEnded:
+    """A run whose bench could not be opened."""
+    head, took_s, accepted, points = "", 0.0, 0, 0
+    if path.exists():
+        with RunReader.open(path) as reader:
+            state, head = read_state(reader), reader.head()[1].hex()
+            took_s, accepted, points = state.elapsed_s, len(state.accepted), state.points
+    return LoopRunEnded(
+        number=run.planned.number,
+        how=Outcome.FAULT.value,
+        head=head,
+        accepted=accepted,
+        points=points,
+        took_s=took_s,
+        message=str(error),
+    )

@@ -1,0 +1,200 @@
+"""The next step of a loop: a further run, or its end; what remains for a person; and why, in numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from rig.bench.bench_file import playing
+from rig.drivers.roles import ByHand, Typing
+from rig.fitter.confirm import NOTHING
+from rig.procedures.plan.settings import LoopSettings
+from rig.procedures.present.durations import duration
+from rig.runs.forecast import ALLOWANCE
+from rig.verbs.confirm import Confirmed, First, Proposal, consider, following, propose
+from rig.verbs.confirm.proposal import HARDLY, LIKELY
+
+PARKING_H = 0.1
+"""Time left for parking and evaluation after the last run, hours."""
+PERSON = "person"
+_FOR_PERSON = 3
+"""Maximum number of runs that are proposed to a person."""
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """The next step.
+
+    Attributes:
+        run: the further run; None to close the loop.
+        why: the reason, with numbers.
+        settled: whether one explanation remains for every effect found.
+        for_person: runs that a person, or more time, would make possible.
+    """
+
+    run: Proposal | None
+    why: str
+    settled: bool = False
+    for_person: tuple[Proposal, ...] = ()
+
+    @property
+    def chance(self) -> float | None:
+        """Probability that the run settles its most difficult question."""
+        return None if self.run is None else self.run.least.chance
+
+    @property
+    def gain_per_h(self) -> float | None:
+        """Gain of the run."""
+        return None if self.run is None else gain_per_h(self.run)
+
+
+@dataclass(frozen=True)
+class Left:
+    """Time, runs and permissions that are left.
+
+    Attributes:
+        hours: time until its end.
+        runs: further runs.
+        allow: in what they may differ from the first run.
+    """
+
+    hours: float
+    runs: int
+    allow: tuple[str, ...]
+
+    @property
+    def most_h(self) -> float:
+        """Longest bench time, by forecast, of a run that ends in time."""
+        return max(0.0, (self.hours - PARKING_H) / (1.0 + ALLOWANCE))
+
+
+def gain_per_h(run: Proposal) -> float:
+    """Probability that a run settles an open question, on average over these, per hour of bench time."""
+    questions = sum(len(one.chances) for one in run.separations)
+    return run.told / questions / run.hours if run.hours > 0 else 0.0
+
+
+def needs_person(first: First, run: Proposal) -> bool:
+    """Whether somebody has to be there for a run: for a change, for its own steps by hand, to set or to read."""
+    asks = [*playing(first.bench, ByHand), *playing(first.bench, Typing)]
+    return bool(run.variation.person or asks or run.variation.procedure.expand().steps)
+
+
+def permitted(first: First, run: Proposal, allow: Sequence[str]) -> bool:
+    """Whether the loop may make a run: what differs is allowed, and the bench can set it."""
+    if run.variation.by_weather or run.variation.varies not in allow:
+        return False
+    if run.variation.turned and not first.dry:
+        return False  # nothing would tell whether somebody has turned the package before the run begins
+    return PERSON in allow or not needs_person(first, run)
+
+
+def open_words(first: First) -> str:
+    """The open questions, in words."""
+    parts = []
+    for question in first.questions:
+        alike = [member for member in question.members if not member.near]
+        names = " or ".join(member.effect for member in alike)
+        if len(alike) > 1:
+            apart = max(member.sigmas for member in alike)
+            parts.append(f"{names} are open (these data: {apart:.1f} sd)")
+        else:
+            parts.append(f"{names} is not confirmed")
+    return "; ".join(parts)
+
+
+def decide(
+    first: First,
+    told: Confirmed | None,
+    bounds: LoopSettings,
+    left: Left,
+    considered: Callable[[First], Sequence[Proposal]] = consider,
+) -> Decision:
+    """The next step.
+
+    Args:
+        first: the traced run.
+        told: its judgement by the further runs so far; None before the first of them.
+        bounds: `[loop]` of the procedure.
+        left: time, runs and permissions that are left.
+        considered: gives the possible runs, the best first.
+    """
+    if not first.questions:
+        return Decision(None, "the trace of the first run found nothing that would have to be confirmed", settled=True)
+    settled = told is not None and told.settled
+    asked = first if told is None else following(told)
+    if asked is None:
+        assert told is not None  # there are questions
+        verdicts = "; ".join(f"{one.effect}: {one.verdict}" for one in told.answers)
+        return Decision(None, f"no question is open: {verdicts}", settled=settled)
+    words = open_words(asked)
+    alone = all(sum(not member.near for member in one.members) == 1 for one in asked.questions)
+    if bounds.stop_when == "explained" and alone:
+        return Decision(
+            None, f"every effect has one explanation, which is enough by stop_when = 'explained': {words}", settled
+        )
+    asked = replace(asked, begins_s=first.begins_s)
+    runs = propose(considered(asked))
+    mine = [run for run in runs if permitted(first, run, left.allow)]
+    short = [run for run in mine if run.hours <= left.most_h]
+    if mine and not short:
+        again = propose(considered(replace(asked, most_h=left.most_h)))
+        short = [run for run in again if permitted(first, run, left.allow) and run.hours <= left.most_h]
+    later = tuple(run for run in runs if run not in short and not run.variation.by_weather)[:_FOR_PERSON]
+    time = duration(3600.0 * max(left.hours, 0.0))
+    if left.runs < 1:
+        return Decision(
+            None, f"{words}; all runs that most_runs permits have been made", settled=settled, for_person=later
+        )
+    if not mine:
+        return Decision(
+            None, f"{words}; no run that the bench makes by itself would decide it", settled=settled, for_person=later
+        )
+    if not short:
+        least = min(mine, key=lambda run: run.hours)
+        return Decision(
+            None,
+            f"{words}; {time} are left, and the shortest run that may decide it takes {duration(3600.0 * least.hours)}",
+            settled=settled,
+            for_person=later,
+        )
+    best = short[0]
+    what = f"{best.variation.what}, {best.size}, takes {duration(3600.0 * best.hours)} of {time}"
+    gain = gain_per_h(best)
+    if gain < bounds.least_gain:
+        return Decision(
+            None,
+            f"{words}; the best run ({what}) settles an open question with a probability of {gain:.3f} per hour, less "
+            f"than least_gain = {bounds.least_gain:g}",
+            settled=settled,
+            for_person=later,
+        )
+    said = f"and settles everything with {best.least.chance:.0%}" if best.likely else f"and {_settles(best)}"
+    return Decision(best, f"{words}; {what} {said} ({gain:.2f} per hour)", settled=settled, for_person=later)
+
+
+def _settles(run: Proposal) -> str:
+    """Questions that a run is likely to settle, and others."""
+    questions = [(pair, chance) for one in run.separations for pair, chance in one.chances.items()]
+    sure = [_pair(pair) for pair, chance in questions if chance >= LIKELY]
+    left = [f"{_pair(pair)} ({chance:.0%})" for pair, chance in questions if chance < LIKELY]
+    return f"settles {', '.join(sure) or 'little'}, and leaves {', '.join(left)} open"
+
+
+def _pair(pair: tuple[str, str]) -> str:
+    return f"whether {pair[0]} is there" if pair[1] == NOTHING else f"{pair[0]} or {pair[1]}"
+
+
+def for_person(first: First, runs: Sequence[Proposal]) -> Iterator[tuple[str, str, float, str]]:
+    """Task, run, hours, and questions that it would decide, for each run that is left to a person."""
+    for run in runs:
+        steps = [step.words for step in run.variation.steps]
+        turn = ["mount the package as the procedure says"] if run.variation.turned else []
+        own = ["be there for its steps by hand"] if needs_person(first, run) and not steps and not turn else []
+        chances = [
+            f"{_pair(pair)} with {chance:.0%}"
+            for one in run.separations
+            for pair, chance in one.chances.items()
+            if chance >= HARDLY
+        ]
+        yield "; ".join([*turn, *steps, *own]), run.variation.what, run.hours, ", ".join(chances)
