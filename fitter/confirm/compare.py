@@ -32,7 +32,8 @@ class Apart:
     Attributes:
         costs: (M, k) residual sum of squares of both runs, in units of the error's variance, plus the price of columns
             and searched constants, over the misfit of the best member in the later run.
-        shown: (M, k) standard errors by which the later run shows each member.
+        shown: (M, k) standard errors by which the later run shows each member; one of time by what it does within that
+            run, as anything else may change the level from one day to another.
     """
 
     costs: FloatArray
@@ -84,15 +85,16 @@ class Comparison:
         fresh = np.tile(self.both.fresh, len(self.both.sensors))
         costs: list[FloatArray] = []
         misfits, shown = [], []
-        for member, own, basis, gone, df in zip(
-            self.question.members, self.own, self._bases, self._gone, self._free, strict=True
+        for member, own, basis, within, gone, df in zip(
+            self.question.members, self.own, self._bases, self._within, self._gone, self._free, strict=True
         ):
             rest = outputs - basis @ (basis.T @ outputs)
             rss, later = np.sum(rest**2, axis=0), np.sum(rest[fresh] ** 2, axis=0)
             costs.append(rss + PER_COLUMN * (own.shape[1] + searched(member)) + self._coincidence(len(costs), outputs))
             misfits.append(later / df if df >= 1.0 else np.ones_like(rss))
             without = np.sum((outputs - gone @ (gone.T @ outputs)) ** 2, axis=0)
-            shown.append(np.sqrt(np.maximum(without - rss, 0.0)))
+            inside = rss if within is None else np.sum((outputs - within @ (within.T @ outputs)) ** 2, axis=0)
+            shown.append(np.sqrt(np.maximum(without - inside, 0.0)))
         best = np.argmin(costs, axis=0)
         misfit = np.maximum(np.take_along_axis(np.array(misfits), best[None], 0)[0], 1.0)
         return Apart(np.array(costs) / misfit, np.array(shown))
@@ -122,12 +124,25 @@ class Comparison:
         return tuple(orthonormal(model) for model in self.models)
 
     @cached_property
+    def _levels(self) -> tuple[FloatArray, ...]:
+        """(S n, l) the declared model again in the later run, for members of time."""
+        again, none = self.both.again, np.zeros((self.both.outputs.size, 0))
+        of_time = (all(t.effect.source == "time" for t in member.terms) for member in self.question.members)
+        return tuple(again if one and self.both.own_response else none for one in of_time)
+
+    @cached_property
+    def _within(self) -> tuple[FloatArray | None, ...]:
+        """Bases of each member with a later run of another level; None where it has that of the first run."""
+        pairs = zip(self.models, self._levels, strict=True)
+        return tuple(orthonormal(np.column_stack([one, more])) if more.shape[1] else None for one, more in pairs)
+
+    @cached_property
     def _gone(self) -> tuple[FloatArray, ...]:
         """Bases of each member's existence in the first run only."""
         first = ~self.both.fresh
         return tuple(
-            orthonormal(np.column_stack([self.both.columns_in(member.terms, first), self.rest]))
-            for member in self.question.members
+            orthonormal(np.column_stack([self.both.columns_in(member.terms, first), self.rest, more]))
+            for member, more in zip(self.question.members, self._levels, strict=True)
         )
 
     def expected(self, j: int) -> float:

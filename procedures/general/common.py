@@ -8,7 +8,7 @@ output times its slope.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,8 @@ class Common:
         p: probability of such differences of sizes by chance; of each of `same_in`.
         spread: largest difference of its sizes in the outputs, as a part of their mean magnitude.
         both_signs: whether it raises some outputs and lowers others.
+        readers: what reads the outputs and the standards, by column, where that is known.
+        sources: what sets each setting.
     """
 
     effect: str
@@ -47,6 +49,8 @@ class Common:
     p: tuple[float, ...]
     spread: float
     both_signs: bool = False
+    readers: Mapping[str, str] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def sentence(self) -> str:
@@ -59,14 +63,32 @@ class Common:
                 f"each has a cause of its own, or all respond to one cause in their own way"
             )
         settings = [name for name in self.same_in if name not in {spelled(unit_of(one)) for one in self.outputs}]
-        places = [*(["a supply or reader that they share"] if len(settings) < len(self.same_in) else [])]
-        places += [f"the source or the reference of {name}" for name in settings]
-        tells = ["read one of them with another reader or supply"] if len(settings) < len(self.same_in) else []
-        tells += [f"repeat the run with another source or reference of {name}" for name in settings]
+        pairs = [self._of_outputs()] if len(settings) < len(self.same_in) else []
+        pairs += [self._of_setting(name) for name in settings]
+        places, tells = zip(*pairs, strict=True)
         return (
             f"{self.effect} is common to {count}: of one size in {' and in '.join(self.same_in)}, within errors. Runs "
             f"like this one cannot tell the sensors from what they share: {', '.join(places)}. One cause there is more "
             f"likely than {len(self.outputs)} alike. To tell: {', and '.join(tells)}"
+        )
+
+    def _of_outputs(self) -> tuple[str, str]:
+        """What outputs share beside a setting, by the bench where that is known, and what would tell."""
+        read_by = {self.readers.get(one, "") for one in self.outputs}
+        if len(read_by) == len(self.outputs):
+            return "a supply that they share (each has a reader of its own)", "give one of them another supply"
+        (reader,) = read_by if len(read_by) == 1 else ("",)
+        place = f"their reader {reader} or a supply that they share" if reader else "a supply or reader that they share"
+        return place, "read one of them with another reader or supply"
+
+    def _of_setting(self, name: str) -> tuple[str, str]:
+        source, standard = self.sources.get(name, ""), self.readers.get(name, "")
+        which = f" ({source})" if source else "", f" ({standard})" if standard else ""
+        if source and not standard:  # nothing but the source says what the setting is
+            return f"the source of {name}{which[0]}", f"repeat the run with another source of {name}"
+        return (
+            f"the source{which[0]} or the reference{which[1]} of {name}",
+            f"repeat the run with another source or reference of {name}",
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -98,7 +120,8 @@ def _common(name: str, each: Mapping[str, GeneralTraced], own: Mapping[str, Foun
     errors = sizes * np.array([_relative_error(one, by_time=by_time) for one in own.values()])
     df = min((one.df for one in own.values() if one.df is not None), default=1.0)
     spread, signs = float(np.ptp(sizes) / np.abs(sizes).mean()), np.sign(sizes)
-    told = Common(name, tuple(own), (), (), spread, bool(np.ptp(signs) > 1))
+    table = next(iter(each.values())).table
+    told = Common(name, tuple(own), (), (), spread, bool(np.ptp(signs) > 1), table.readers, table.sources)
     if not alike:
         return told
     units = {spelled(unit_of(output)) for output in own}

@@ -28,7 +28,7 @@ from rig.procedures.general.own_time import TIME
 from rig.procedures.general.planning import check_declared, evaluations
 from rig.procedures.general.settings import GeneralProcedure
 from rig.procedures.general.together import GeneralTogether, Observations
-from rig.procedures.general.traced import usable_term, with_effects
+from rig.procedures.general.traced import IN_RUN, usable_term, with_effects
 from rig.procedures.plan.further_runs import Variation, repeated
 from rig.procedures.plan.run_list import RunList
 from rig.procedures.tables.table import Table
@@ -251,7 +251,9 @@ class GeneralConfirming(Confirming):
         for answer, effect in zip(answers, record["effects"], strict=True):
             if answer.effect in off:
                 told = [note for note in every if note.startswith(f"{off[answer.effect]} ")] or [NOT_OURS]
-                effect["used"] = f"{effect['told']}; {told[0]}"
+                same, in_run, _ = told[0].partition(IN_RUN)
+                sizes = in_run + ", ".join(note.partition(IN_RUN)[2] for note in told)  # one for each sensor
+                effect["used"] = f"{effect['told']}; {same}{sizes}"
         covered = with_effects(asked, self.traced, only=off, covered=True)
         with_all = replace(covered, asked=run.asked.adding(added))
         plain = options.response is None and options.formula is None

@@ -32,6 +32,7 @@ from rig.procedures.general.trace.estimate import of_constants
 from rig.procedures.tables.table import Table
 
 KNOWN = "intervals of the fit itself hold in that state alone, and have no part for the error of this effect"
+IN_RUN = ". In the run "
 HALF_WAY = "half-way between both directions"
 _NAME = re.compile(r"[^\W\d]\w*")
 
@@ -159,10 +160,8 @@ def _run_with(asked: RunModels, parts: Mapping[str, Mapping[str, Part]]) -> RunM
 def _used(name: str, part: Part, output: str, table: Table, *, covered: bool) -> str:
     if part.holds:
         size = f"{np.max(np.abs(part.off)):.3g} {unit_of(output)}".strip()
-        return (
-            f"{name} was fitted and taken off: the calibration holds {part.holds}. In the run {output} was up to "
-            f"{size} away from that: {KNOWN}"
-        )
+        state = f"{name} was fitted and taken off: the calibration holds {part.holds}; {KNOWN}"
+        return f"{state}{IN_RUN}{output} was up to {size} away from that"
     told = f"{name} is in the {'model of the results' if covered else 'calibration'}: {', '.join(part.terms)}"
     used = [one for one in recorded(table) if any(one in _NAME.findall(term) for term in part.terms)]
     where = ", ".join(f"{one} ({np.min(table.columns[one]):.5g} to {np.max(table.columns[one]):.5g})" for one in used)

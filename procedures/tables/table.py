@@ -51,6 +51,8 @@ class Table:
         set_in: columns with the settings of such factors, by the factor.
         understood: how a table of others was read, as JSON values with "sentence"; {} for our own tables.
         within: the readings of which rows are means, by column, if they were recorded.
+        readers: what reads an output or the standard of a factor, by column, as far as the bench of a run says it.
+        sources: what sets a factor, by its column.
     """
 
     source: str
@@ -70,6 +72,8 @@ class Table:
     factors: tuple[str, ...] = ()
     set_in: Mapping[str, str] = field(default_factory=dict)
     within: Mapping[str, Within] = field(default_factory=dict)
+    readers: Mapping[str, str] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(next(iter({**self.text, **self.columns}.values()), ()))

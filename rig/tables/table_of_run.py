@@ -145,6 +145,13 @@ def _of_sensors(table: Table, bench: Stored, run_list: RunList, set_in: Mapping[
     others = (name for name in table.columns if name not in outputs)
     names = dict.fromkeys((*(name for name in first if name in table.columns), *others, *outputs))
     columns = {name: table.columns[name] for name in names}
+    standards = dict(bench.table("references").tables())
+    readers = {
+        column: one.text("reader") for column, one in [*((c, s) for c, (_, s) in sensors.items()), *standards.items()]
+    }
+    sources = {name: str(source) for name, source in bench.table("factors").everything().items()}
+    sources |= {name: sources[of] for name, one in standards.items() if (of := one.text("of")) in sources}
+    table = replace(table, readers=readers, sources=sources)
     return replace(table, columns=columns, axes=axes, outputs=outputs, factors=factors, set_in=set_in)
 
 

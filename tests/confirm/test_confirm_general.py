@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -171,3 +172,17 @@ def test_a_calibration_by_two_runs_with_a_register_is_corrected_by_the_certifica
     told = json.loads(done.stdout)
     assert told["coefficients"]["1"]["estimate"] == pytest.approx(0.12, abs=1e-4)
     assert "rig infer adds the influences of the register" in told["uncertainty"]
+
+
+def test_a_level_that_is_another_on_another_day_does_not_show_a_drift(tmp_path):
+    """A drift was "shown by 140 standard errors" by the level of the next day; within that run it showed nothing."""
+    drift, day_h = "0.02*elapsed_h", 24.0
+    first, _ = run_dry(tmp_path / "first", MORE, world=CURVED.replace("0.0004*force_kN^2", drift))
+    day = datetime.fromtimestamp(open_traced(first).began_utc_s + 3600.0 * day_h, UTC).isoformat()
+    still = CURVED.replace("0.0004*force_kN^2", f"{0.02 * day_h}").replace("seed = 3", f"seed = 4\nepoch = {day}")
+    later, _ = run_dry(tmp_path / "later", MORE, world=still)
+    done = rig("confirm", first, "--by", later, "--json")
+    (effect,) = json.loads(done.stdout)["effects"]
+    assert effect["named"].startswith("drift")
+    assert effect["verdict"] != "confirmed"
+    assert effect["members"][0]["sigmas_shown"] < 4.0  # 40,000 by its level

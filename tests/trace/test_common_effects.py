@@ -24,7 +24,7 @@ def _few_draws(monkeypatch):
     monkeypatch.setattr(family, "MOST", 500)
 
 
-def traced(error, noise=NOISE):
+def traced(error, noise=NOISE, **bench):
     """Three flow meters over three repeats of eight flows; `error` of each, from flow, time, and slope."""
     rng = np.random.default_rng(4)
     flow = np.concatenate([rng.permutation(np.linspace(0.5, 4.0, 8)) for _ in range(3)])
@@ -32,7 +32,7 @@ def traced(error, noise=NOISE):
     columns = {"elapsed_s": time, "flow_kg_per_min": flow}
     for number, (name, slope) in enumerate(SLOPES.items()):
         columns[name] = 50.0 + slope * flow + error(flow, time, slope, number) + noise * rng.normal(size=24)
-    table = Table("bench.csv", columns, simulated=True, provenance={})
+    table = Table("bench.csv", columns, simulated=True, provenance={}, **bench)
     others = {name: tuple(set(SLOPES) - {name}) for name in SLOPES}
     return {
         name: trace_general_table(
@@ -58,6 +58,21 @@ def test_a_drift_of_the_reference_is_one_of_its_size_in_the_setting():
     assert found.same_in == ("flow_kg_per_min",)
     assert "the source or the reference of flow_kg_per_min" in found.sentence
     assert found.spread == pytest.approx(160.0 / 180.0, rel=0.1)
+
+
+def test_a_bench_file_names_what_they_share():
+    """It said "a supply or reader that they share" of sensors with a reader each."""
+    (found,) = common_of(
+        traced(lambda flow, time, slope, number: 4.0 * time / 7200.0, readers=dict.fromkeys(SLOPES, "scan"))
+    )
+    assert "what they share: their reader scan or a supply that they share." in found.sentence
+    own = {name: f"counter_{name[0]}" for name in SLOPES}
+    (found,) = common_of(traced(lambda flow, time, slope, number: 4.0 * time / 7200.0, readers=own))
+    assert "what they share: a supply that they share (each has a reader of its own)." in found.sentence
+    assert found.sentence.endswith("To tell: give one of them another supply")
+    bench = {"readers": own | {"flow_kg_per_min": "coriolis"}, "sources": {"flow_kg_per_min": "valve"}}
+    (found,) = common_of(traced(lambda flow, time, slope, number: slope * 0.02 * time / 7200.0, **bench))
+    assert "what they share: the source (valve) or the reference (coriolis) of flow_kg_per_min." in found.sentence
 
 
 def test_drifts_of_each_their_own_are_not_said_to_be_one():

@@ -241,9 +241,10 @@ def evidence(answer: Confirmation) -> str:
     if len(answer.holding) != 1:
         return ""
     best, limit = answer.members[0], f"limit {answer.members[0].limit:.1f}"
-    text = (
-        f"The further run shows {best.effect} by {best.shown:.1f} standard errors ({limit}, p {chance(best.p_shown)})"
+    shows = (
+        f"The further run shows {best.effect} by" if best.seen else f"In the further run {best.effect} stands out by"
     )
+    text = f"{shows} {best.shown:.1f} standard errors ({limit}, p {chance(best.p_shown)})"
     why = [f"{m.effect}: {_against(m)}" for m in answer.members[1:]]
     text += f"; excluded: {'; '.join(why)}." if why else "."
     if answer.verdict in ("confirmed", "replaced") and best.zero:
