@@ -66,8 +66,8 @@ class AttitudeData:
         outputs: volts by column name.
         pitch_side: (n,) +1 arrived upwards, -1 downwards, 0 unknown. Default: from the executed order.
         roll_side: (n,) the same for roll.
-        previous_pitch_deg: (n,) angles at the previous observation in executed order; at the first one its own.
-            Default: from the executed order.
+        previous_pitch_deg: (n,) angles at the previous observation in executed order; at the first one that from
+            which the head came, its own where that is not known. Default: from the executed order.
         previous_roll_deg: (n,) the same for roll.
         block: (n,) number that increases where an interruption or a replaced instrument may cause a step. Default: one
             block.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from rig.fitter.errors import FitError
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.model import mounting_matrix
+from rig.procedures.column_names import came_from
 from rig.procedures.errors import DataError
 from rig.procedures.tables.table import Table
 from rig.procedures.tables.table_checks import check_units, integers, order_of
@@ -22,7 +24,8 @@ MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
 
 
 _OPTIONAL = ("pitch_side", "roll_side", "block")
-KNOWN = (*PITCH_ROLL, *_OPTIONAL, *MOUNTING)
+FROM = (came_from("pitch_deg"), came_from("roll_deg"))
+KNOWN = (*PITCH_ROLL, *_OPTIONAL, *MOUNTING, *FROM)
 """Used columns, in addition to the outputs in `UNIT`."""
 UNIT = "V"
 
@@ -46,7 +49,7 @@ def attitude_data(table: Table) -> AttitudeData:
     known: dict[str, Any] = {name: numbers[name] for name in _OPTIONAL if name in numbers}
     known["axes"] = {name: axis for name, axis in table.axes.items() if name in outputs} or None
     try:
-        return AttitudeData(
+        data = AttitudeData(
             replicate=numbers["replicate"],
             order=order,
             elapsed_s=table.columns["elapsed_s"],
@@ -57,8 +60,20 @@ def attitude_data(table: Table) -> AttitudeData:
             mounting=_mounting(table),
             **known,
         )
+        return replace(data, **_before_the_first(table, data))
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error
+
+
+def _before_the_first(table: Table, data: AttitudeData) -> dict[str, Any]:
+    """Previous angles whose first one is that from which the head came to the first point, where that is known."""
+    found: dict[str, Any] = {}
+    first = int(np.argmin(data.order))
+    for column in (one for one in FROM if one in table.columns and np.isfinite(table.columns[one][first])):
+        angles = np.array(getattr(data, name := f"previous_{column.replace('_from', '')}"))
+        angles[first] = table.columns[column][first]
+        found[name] = angles
+    return found
 
 
 def _mounting(table: Table) -> np.ndarray[Any, np.dtype[np.float64]] | None:

@@ -48,7 +48,8 @@ class WholePlotData:
             block.
         pressure_side: (n,) +1 from a lower pressure, -1 from a higher one, 0 unknown (first of a whole plot). A
             repeated pressure keeps its side.
-        previous_pressure_psia: (n,) pressure of the previous observation; NaN at the first of a whole plot.
+        previous_pressure_psia: (n,) pressure of the previous observation; of the first of a whole plot that from which
+            it was set, NaN where that is not known.
         position: (n,) in the executed order of the whole plot, from 0.
         since_s: (n,) seconds since the first observation of the whole plot.
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from rig.fitter.errors import FitError
+from rig.procedures.column_names import came_from
 from rig.procedures.errors import DataError
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.tables.table import Table
@@ -37,7 +39,9 @@ _SETTINGS = {
 }
 """The fitter's names of columns of setpoints."""
 
-KNOWN = (*WHOLE_PLOT, *_OPTIONAL, *_SETTINGS)
+FROM = came_from("pressure_psia")
+"""The pressure from which a row's was set: known of the first of a whole plot by this column alone."""
+KNOWN = (*WHOLE_PLOT, *_OPTIONAL, *_SETTINGS, FROM)
 """Used columns, in addition to the outputs in `UNIT`."""
 UNIT = "mV"
 
@@ -68,7 +72,7 @@ def whole_plot_data(table: Table) -> WholePlotData:
     given: dict[str, Any] = {n: integers(table, n) for n in _OPTIONAL if n in table.columns}
     given |= {ours: table.columns[name] for name, ours in _SETTINGS.items() if name in table.columns}
     try:
-        return WholePlotData(
+        data = WholePlotData(
             whole_plot=whole_plot,
             order=order,
             elapsed_s=table.columns["elapsed_s"],
@@ -78,5 +82,10 @@ def whole_plot_data(table: Table) -> WholePlotData:
             outputs=outputs,
             **given,
         )
+        if FROM not in table.columns:
+            return data
+        unknown = np.isnan(data.previous_pressure_psia)
+        before = np.where(unknown, table.columns[FROM], data.previous_pressure_psia)
+        return replace(data, previous_pressure_psia=before)
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error

@@ -335,9 +335,11 @@ def _row(record: Record, seen: Observed, run_list: RunList, order: int, factors:
     row |= {_readback_name(name): float(value) for name, value in readback.items()}
     for f in run_list.easy:
         since, start = moves_of(f.name)
-        if f.name in factors and f.axis in seen.moved:  # kinds with factors of their own have no use for it
+        if f.axis in seen.moved:
             stepped_s, before = seen.moved[f.axis]
-            row |= {since: round(max(row["elapsed_s"] - stepped_s, 0.0), 3), start: before}
+            row[start] = before
+            if f.name in factors:  # kinds with factors of their own have no use for it
+                row[since] = round(max(row["elapsed_s"] - stepped_s, 0.0), 3)
     return row | {"block": record.session, "run_index": point.index}
 
 

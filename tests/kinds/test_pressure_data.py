@@ -7,6 +7,9 @@ from hypothesis import strategies as st
 
 from proving.truth.pressure import HOMOSCEDASTIC, simulate
 from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects.scene import PressureScene
+from rig.procedures.pressure.table import whole_plot_data
+from rig.procedures.tables.table import Table
 
 
 def rows(**changes):
@@ -34,6 +37,20 @@ def test_what_the_order_tells():
     np.testing.assert_allclose(levels, [0.01, 0.12, 1.0, 2.5, 4.0, 5.0005])
     np.testing.assert_array_equal(level, [2, 5, 5, 1, 3, 0, 4])
     np.testing.assert_array_equal(rows(pressure_set_psia=[1, 5, 5, 0.12, 2.5, 0.01, 4]).pressure_levels[0][-1], 5.0)
+
+
+def test_a_table_says_from_what_the_first_pressure_of_a_whole_plot_was_set():
+    """The first row of a whole plot came from the pressure of its soak, 14.7 psi off, and was taken to be at rest."""
+    names = ("whole_plot", "order", "elapsed_s", "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC")
+    plain = rows()
+    columns = {name: np.asarray(getattr(plain, name), float) for name in names} | {"bridge_mV": np.arange(7.0)}
+    columns["pressure_from_psia"] = np.array([14.7, 1.0, 5.0, 5.0, 0.12, 2.5, np.nan])
+    data = whole_plot_data(Table("t.csv", columns, simulated=True, provenance={}))
+    np.testing.assert_array_equal(data.previous_pressure_psia, [14.7, 1.0, 5.0, 5.001, 0.12, 2.5, 0.01])
+    scene = PressureScene(data, 0.0, 0.0, 0.0, 0.0, {}, {})
+    np.testing.assert_allclose(scene.change_psia[[0, 4]], [1.0 - 14.7, 2.5 - 0.12])
+    left = np.exp(-scene.waited_h[0] / 0.05)
+    np.testing.assert_allclose(scene.behind(0.05)[[0, 4]], [13.7 * left, -2.38 * left])
 
 
 def test_a_whole_plot_that_was_continued_later_has_its_own_history():

@@ -31,6 +31,14 @@ def test_a_good_table_is_read(tmp_path):
     assert data.sensors == ("x_V",)
 
 
+def test_a_run_says_from_where_the_head_came_to_the_first_point(tmp_path):
+    """The first point was taken for one without a move, which effects of the last move were judged with."""
+    lines = [f"{HEAD},pitch_from_deg", *(f"{row},{7 + n}" for n, row in enumerate(ROWS))]
+    data = attitude_data(read_table(written(tmp_path, *lines)))
+    assert data.previous_pitch_deg.tolist() == [7, -30, -10, 10, 30, -30, -10, 10]
+    assert data.previous_roll_deg[0] == data.roll_deg[0]
+
+
 @pytest.mark.parametrize(
     ("lines", "says"),
     [

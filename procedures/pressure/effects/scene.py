@@ -99,7 +99,7 @@ class PressureScene:
 
     @cached_property
     def change_psia(self) -> FloatArray:
-        """(n,) pressure minus the previous set one; zero at the first of a whole plot, for which it is unknown."""
+        """(n,) pressure minus the previous one; zero at the first of a whole plot where that is not known."""
         before = self.data.previous_pressure_psia
         return np.where(np.isnan(before), 0.0, self.p - before)
 
@@ -128,17 +128,17 @@ class PressureScene:
         executed = np.lexsort((data.order, data.whole_plot_index))
         wait = np.empty(len(data))
         wait[executed] = np.diff(self.hours[executed], prepend=self.hours[executed][0])
-        first = np.isnan(data.previous_pressure_psia)
+        first = data.position == 0
         return np.where(first, np.median(wait[~first]) if np.any(~first) else 0.0, wait)
 
     def behind(self, tau_h: float) -> FloatArray:
         """(n,) difference between the pressure and the state of an element with this time constant, psi.
 
-        It is at rest at the first pressure of a whole plot, and every pressure is set directly after the previous
+        It is at rest before the first pressure of a whole plot, and every pressure is set directly after the previous
         reading.
         """
-        index, missing = self.data.whole_plot_index, np.zeros(len(self.data))
-        fading = np.exp(-np.maximum(self.waited_h, 0.0) / tau_h)
+        index, fading = self.data.whole_plot_index, np.exp(-np.maximum(self.waited_h, 0.0) / tau_h)
+        missing = np.where(self.data.position == 0, -self.change_psia * fading, 0.0)
         executed = np.lexsort((self.data.order, index))
         for last, row in pairwise(executed.tolist()):
             if index[last] == index[row]:

@@ -74,8 +74,8 @@ def _alone(left: FloatArray, white: FloatArray) -> tuple[float, float]:
 
 def _shapes(scene: PressureScene) -> Iterator[tuple[str, FloatArray, NDArray[np.bool_]]]:
     """Words, column (n,) and the rows that are asked."""
-    known = ~np.isnan(scene.data.previous_pressure_psia)
+    known, later = ~np.isnan(scene.data.previous_pressure_psia), scene.data.position > 0
     every = np.ones(known.size, np.bool_)
     yield "after the pressure before", scene.change_psia, known
-    yield "over the side from which a pressure was reached", scene.data.pressure_side.astype(np.float64), known
+    yield "over the side from which a pressure was reached", scene.data.pressure_side.astype(np.float64), later
     yield "over the pressure", (scene.p - float(np.mean(scene.p))) ** 2, every
