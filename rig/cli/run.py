@@ -42,6 +42,7 @@ from rig.procedures.present.visible import visible
 from rig.run_file.events.points import OVERSHOT, Observed
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.state import RunState, is_simulated, read_state
+from rig.run_file.verify.verification import LOOP_SUFFIX
 from rig.runs.accepted import Acceptance
 from rig.runs.controller import Result, resume_run, start_run
 from rig.runs.plans import load_plan
@@ -168,7 +169,7 @@ def resume(
     Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
     """
     outlive_readers()
-    if run_file.name.endswith(".loop.sqlite"):
+    if run_file.name.endswith(LOOP_SUFFIX):
         from rig.cli.loop import resume_of_loop  # noqa: PLC0415
 
         if bench is not None or accept or kill_at_point is not None or unless_stopped:

@@ -15,7 +15,6 @@ from rig.cli.options import JsonOption
 from rig.cli.show import err, out, print_json
 from rig.errors import ExitCode, RigError, UsageError
 from rig.files.regular import real_path
-from rig.loop import Program, blocks, is_loop, open_program, to_json
 from rig.procedures.present.durations import duration
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.terminal import show
@@ -23,7 +22,7 @@ from rig.run_file.events.sessions import RunCreated
 from rig.run_file.live import controller_alive, read_live
 from rig.run_file.read.safe_opening import sensible
 from rig.run_file.state.state import RunState
-from rig.run_file.verify.verification import CUT_SHORT, glance
+from rig.run_file.verify.verification import CUT_SHORT, LOOP_SUFFIX, glance
 from rig.verbs.run.status import status_of
 
 
@@ -49,32 +48,16 @@ def status(
     """
     if run_file.is_dir():
         return list_runs(run_file, as_json=as_json, check=check)
-    if is_loop(run_file):
-        return _of_loop(run_file, as_json=as_json, check=check)
+    if run_file.name.endswith(LOOP_SUFFIX):
+        from rig.cli.status_of_loop import show_loop  # noqa: PLC0415 - few files are loops, and these load a bench
+
+        return show_loop(run_file, as_json=as_json, check=check)
     found = status_of(run_file)
     if as_json:
         print_json(found.to_json())
     else:
         show(found.blocks(), out)
     return ExitCode.FAULT if found.broken else check_code(found.state, run_file) if check else ExitCode.DONE
-
-
-def _of_loop(path: Path, *, as_json: bool, check: bool) -> int:
-    program = open_program(path)
-    if as_json:
-        print_json(to_json(program))
-    else:
-        show(blocks(program), out)
-    return _code_of_loop(program) if check else ExitCode.DONE
-
-
-def _code_of_loop(program: Program) -> ExitCode:
-    """Exit code for the state of a loop, as of a run."""
-    if controller_alive(program.path):
-        return ExitCode.RUNNING
-    if program.closed is None:
-        return ExitCode.INTERRUPTED
-    return ExitCode.DONE if program.closed.settled and not program.closed.fault else ExitCode.OUTSIDE_ACCEPTANCE
 
 
 _VERIFIED = 10_000
@@ -119,8 +102,10 @@ def _changed(path: Path) -> float:
 
 def _row(path: Path) -> tuple[dict[str, Any], int]:
     try:
-        if is_loop(path):
-            return _loop_row(open_program(path))
+        if path.name.endswith(LOOP_SUFFIX):
+            from rig.cli.status_of_loop import loop_row  # noqa: PLC0415
+
+            return loop_row(path)
         reader, state, wrong, _ = glance(path, _VERIFIED)
         with reader:
             about = reader.about()
@@ -133,24 +118,6 @@ def _row(path: Path) -> tuple[dict[str, Any], int]:
             return _known(path, state, about)
     except RigError as error:
         return {"run_file": str(path), "state": "unreadable", "message": str(error)}, int(ExitCode.FAULT)
-
-
-def _loop_row(program: Program) -> tuple[dict[str, Any], int]:
-    """A loop's line: its points are its runs."""
-    running = controller_alive(program.path)
-    state = "loop closed" if program.closed is not None else "loop at work" if running else "loop open"
-    row = {
-        "run_file": str(program.path),
-        "state": state,
-        "running": running,
-        "simulated": program.run.simulated,
-        "points": len(program.runs),
-        "done": program.complete,
-        "elapsed_s": program.run.elapsed_s,
-        "remaining_s": None,
-        "last_record_utc": datetime.fromtimestamp(program.run.utc_s, UTC).isoformat(timespec="seconds"),
-    }
-    return row, int(_code_of_loop(program))
 
 
 def _known(path: Path, state: RunState, about: RunCreated) -> tuple[dict[str, Any], int]:

@@ -20,7 +20,7 @@ from rig.run_file.damage.proven import Other
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.elsewhere import goes_on_in
 from rig.run_file.state.state import RunState, read_state
-from rig.run_file.verify.verification import Verification, restored, verify_file
+from rig.run_file.verify.verification import LOOP_SUFFIX, Verification, restored, verify_file
 
 if TYPE_CHECKING:
     from rig.verbs.certificate.seals import Checked
@@ -73,7 +73,7 @@ def verify(
     if restore is not None:
         return _restore(run_file, restore, head, as_json)
     found = verify_file(run_file, head)
-    if found.whole and run_file.name.endswith(".loop.sqlite"):
+    if found.whole and run_file.name.endswith(LOOP_SUFFIX):
         from rig.loop import findings_of_runs, open_program  # noqa: PLC0415 - few files are loops
 
         of_runs = tuple(findings_of_runs(open_program(run_file)))

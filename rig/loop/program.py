@@ -31,9 +31,9 @@ from rig.run_file.events.loops import (
 )
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.state import RunState
-from rig.run_file.verify.verification import LOOP
+from rig.run_file.verify.verification import LOOP, LOOP_SUFFIX
 
-SUFFIX = ".loop.sqlite"
+SUFFIX = LOOP_SUFFIX
 SETTINGS = LOOP
 """Document with the bounds of the loop, and its files with their hashes."""
 

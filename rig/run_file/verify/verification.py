@@ -28,6 +28,7 @@ MOST = 1000
 
 LOOP = "loop.toml"
 """Document that only the program file of a loop has: its records are decisions, and no observations."""
+LOOP_SUFFIX = ".loop.sqlite"
 _SURE = 16
 """Minimum number of digits of a head hash; with fewer, a matching forgery can be found by trial."""
 
