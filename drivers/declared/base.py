@@ -53,7 +53,7 @@ class Declared:
         """State of a role at the start."""
 
     def identify(self) -> Identity:
-        """Ask for the identity. Nothing else is sent, but for the wire's preamble.
+        """Ask for the identity, once it is silent. Nothing else is sent, but for the wire's preamble.
 
         Raises:
             WrongInstrument: it is another one.
@@ -62,6 +62,7 @@ class Declared:
         table, asked = self.table, self.table.identity
         assert asked is not None
         wanted = f"{table.maker} {' or '.join(table.model)}".strip()
+        self._talk.drain()  # what it has said on being switched on or connected is no answer
         try:
             found = self._talk.once(asked)
         except BadReply as error:

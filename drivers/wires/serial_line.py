@@ -194,7 +194,9 @@ class SerialLine:
         port = self._port or self._reopened()
         end, raw, received = self.clock.now() + timeout_s, bytearray(), b""
         try:
-            old = bytes(port.read(port.in_waiting)) or self._last
+            old, port.timeout = self._last, 0
+            while said := port.read(4096):  # not in_waiting: over TCP it does not say how many there are
+                old = bytes(said)
             torn = not old.endswith(self.settings.reply_end)
             while (left := end - self.clock.now()) > 0 and self.settings.reply_end not in received:
                 self._limit(port, left)

@@ -264,6 +264,15 @@ class TestBalance:
         assert it.it.units() == {"input": "g"}
         assert isinstance(it.it, WithUnits)
 
+    def test_what_it_says_on_being_switched_on_is_no_answer(self, bench):
+        it = bench(BALANCE)
+        it.dry.world.call_in(0.1, lambda: it.dry.sim.cables["it"]._receive(b'I2 A "W1 of before"\r\n'))
+        it.it.identify()
+        it.it.prepare()
+        it.it.start(1)
+        assert len(it.it.fetch()["input"]) == 1
+        assert it.sent == ["I2", "SI"]
+
     def _says(self, it, *answers):
         """The twin answers this, in turn."""
         left = list(answers)
