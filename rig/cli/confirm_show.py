@@ -41,7 +41,7 @@ def show_open(first: First, never: Sequence[Inseparable]) -> None:
         near = ", ".join(f"{m.effect} ({m.sigmas:.1f} standard errors)" for m in question.members if m.near)
         told = [f"these data do not distinguish it from {', '.join(alike)}"] if alike else []
         told += [f"less clearly excluded, and so judged again by the further run: {near}"] if near else []
-        told += [shared] if (shared := first.shared(question.effect)) else []
+        told += [shared.removeprefix(f"{question.effect} ")] if (shared := first.shared(question.effect)) else []
         text = "; ".join(told) or "these data exclude every other cause of the catalogue"
         out.print(f"[bold]{escape(question.effect)}[/]: {escape(text)}", soft_wrap=True)
     for one in never:

@@ -7,8 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from rig.procedures.present.joined import once
 from rig.verbs.budget.found import Found
-from rig.verbs.budget.lacking import Holding, once
+from rig.verbs.budget.lacking import Holding
 from rig.verbs.certificate.parts_in_numbers import effects, models, notes
 from rig.verbs.certificate.runs import CertifiedRun, _doubts
 

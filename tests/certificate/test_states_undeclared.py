@@ -127,3 +127,12 @@ def test_a_budget_with_confirmed_effects_is_that_of_the_traced_model(runs):
     done = rig("budget", runs[0], "--confirmed-by", runs[1], "--traced")
     assert done.returncode == 2
     assert "omit --traced" in done.stderr
+
+
+def test_a_calibration_says_in_use_for_which_state_it_holds(runs, found):
+    """A drift that a further run confirmed was taken off the outputs, and no use of the calibration said so."""
+    assert set(found.verdicts.values()) == {"confirmed"}
+    kept = fit_source(FileSource(runs[0]), {}, (), runs[1:], keep=True).to_json()["budget"]
+    (states,) = [note for note in kept["notes"] if "Results hold" in note]
+    assert f"of {DRIFT}, for its mean over the run" in states
+    assert any("the output was" in note and "away from these states" in note for note in kept["notes"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.budget import Budgeted
 from rig.procedures.column_names import spelled, stem_of, unit_of
 from rig.procedures.evaluate.budgeting import Evaluation
+from rig.procedures.present.joined import joined
 from rig.procedures.tables.table import Table
 from rig.units.si import per_term
 
@@ -163,20 +164,3 @@ def by_sensor(told: Mapping[str, Holding], names: Mapping[str, str]) -> Iterator
     """The sentences with the names of their sensors before them."""
     yield from joined((names.get(output, output), one.of_all) for output, one in told.items())
     yield from (f"{names.get(output, output)}: {one.away}" for output, one in told.items() if one.away)
-
-
-def joined(told: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Sentences about sensors, each once, with the names of all sensors that it is about before it."""
-    names: dict[str, list[str]] = {}
-    for sensor, sentence in told:
-        names.setdefault(sentence, []).append(sensor)
-    yield from (f"{', '.join(every)}: {sentence}" if any(every) else sentence for sentence, every in names.items())
-
-
-def once(notes: Iterable[str], names: Mapping[str, str]) -> Iterator[str]:
-    """Notes of which those that begin with a sensor are joined, as in `joined`; names of sensors by their outputs."""
-    known = {**names, **{name: name for name in names.values()}}
-    parts = [note.partition(": ") for note in notes]
-    yield from joined(
-        (known[first], rest) if first in known else ("", f"{first}{colon}{rest}") for first, colon, rest in parts
-    )

@@ -14,13 +14,14 @@ from rig.fitter.confirm import BY_BOTH, Confirmation
 from rig.fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to, rounded_uncertainty
 from rig.fitter.trace.outcome import Finding, Outcome
 from rig.procedures.column_names import stem_of, unit_of
+from rig.procedures.present.joined import joined, once
 from rig.procedures.present.words import constants_of
 from rig.register import holds_of
 from rig.register.surroundings import shown_unit
 from rig.units.si import per_term
 from rig.verbs.budget.evaluation import RunBudget
 from rig.verbs.budget.found import Found
-from rig.verbs.budget.lacking import in_state, joined, once
+from rig.verbs.budget.lacking import in_state
 from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.document import Condition, Holding
 from rig.verbs.certificate.measured import Budget, Contribution, Effect, Result, ResultTable, Stage

@@ -22,7 +22,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.evaluate.budgeting import Evaluation
 from rig.verbs.budget.evaluation import OfRun
 from rig.verbs.budget.found import effects_by_sensor
-from rig.verbs.budget.lacking import lacking
+from rig.verbs.budget.lacking import by_sensor, lacking, left_out
 from rig.verbs.budget.undeclared import undeclared_lines
 
 WITHOUT = "total by the model, without effects beside it"
@@ -64,11 +64,12 @@ def lines_in_use(of: OfRun, at: At, given: Mapping[str, Any], lacks: Collection[
         given: options of its kind.
         lacks: effects that the model lacks; None for all that a trace finds.
     """
-    grids = at(()).grids()
+    model = at(())
+    grids, states = model.grids(), list(by_sensor(left_out(of.table, model, ()), {}))
     if not grids:
-        return Lines({}, {}, [BESIDE] if lacks is None else [], lacks is not None and not lacks)
+        return Lines({}, {}, [*states, *([BESIDE] if lacks is None else [])], lacks is not None and not lacks)
     notes: list[str] = []
-    by_sensor: Mapping[str, Sequence[str]] = {}
+    effects: Mapping[str, Sequence[str]] = {}
     with_effects: Evaluation | None = None
     whole = True
     if lacks is None or lacks:
@@ -76,7 +77,7 @@ def lines_in_use(of: OfRun, at: At, given: Mapping[str, Any], lacks: Collection[
         try:
             with_effects = of.kind.evaluation(of.table, chosen, (), of.stated.constants)
             every = effects_by_sensor(with_effects.outcomes)
-            by_sensor = {s: [one for one in names if lacks is None or one in lacks] for s, names in every.items()}
+            effects = {s: [one for one in names if lacks is None or one in lacks] for s, names in every.items()}
             nameless = [one.sensor for one in with_effects.outcomes if one.unnamed]
             notes, whole = [NAMELESS.format(", ".join(nameless))] if nameless else [], not nameless
         except (DataError, FitError) as error:
@@ -86,10 +87,10 @@ def lines_in_use(of: OfRun, at: At, given: Mapping[str, Any], lacks: Collection[
     for variable, points in dict(grids.values()).items():
         here = at(points)
         extra: list[TypeA] = []
-        if with_effects is not None and any(by_sensor.values()):
+        if with_effects is not None and any(effects.values()):
             try:
-                extra = undeclared_lines(here, with_effects.moved_to(points), by_sensor)
-                told = lacking(of.table, here, with_effects, by_sensor)
+                extra = undeclared_lines(here, with_effects.moved_to(points), effects)
+                told = lacking(of.table, here, with_effects, effects)
                 notes += [f"{output}: {sentence} {COUNTED}" for output, sentence in told.items()]
             except (DataError, FitError) as error:
                 notes, whole = [*notes, f"{BESIDE}: {error}"], False
@@ -97,7 +98,7 @@ def lines_in_use(of: OfRun, at: At, given: Mapping[str, Any], lacks: Collection[
             lines[output] = list(_lines(here, output, variable, extra))
             if (changed := _scatter(here, output, variable)) is not None:
                 scatter[output] = changed
-    return Lines({output: every for output, every in lines.items() if every}, scatter, notes, whole)
+    return Lines({output: every for output, every in lines.items() if every}, scatter, [*states, *notes], whole)
 
 
 def _inferred(here: Evaluation, output: str, variable: str) -> tuple[IntArray, FloatArray]:

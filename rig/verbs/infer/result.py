@@ -12,6 +12,7 @@ from rich.markup import escape
 from rig.files.atomic import check_files, check_format
 from rig.options_of_kinds import options_of
 from rig.procedures.present.blocks import Block, Line, simulated_mark
+from rig.procedures.present.joined import once
 from rig.procedures.tables.unused import sentences
 from rig.tables import FileForm
 from rig.tables.csv_files import write_csv
@@ -85,7 +86,7 @@ class Inferred(Columned):
     def notes(self) -> Sequence[str]:
         """Notes about the calibration and the readings, and unused columns."""
         first = (self.understood["sentence"],) if self.understood else ()
-        return (*first, *self.found.notes, *sentences(self.found.unused.to_json()))
+        return (*first, *once(self.found.notes), *sentences(self.found.unused.to_json()))
 
     def frame(self) -> Frame:
         """All columns."""
