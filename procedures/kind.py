@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # they load what few commands need
     from pydantic import BaseModel
 
     from rig.fitter.arrays import FloatArray
-    from rig.fitter.effects.entry import Entry
+    from rig.fitter.effects.history import Laboratory
     from rig.fitter.effects.own import Grammar
     from rig.procedures.evaluate.acceptance import Verdict
     from rig.procedures.evaluate.budgeting import Evaluation, Expected
@@ -142,9 +142,7 @@ class Kind(ABC):
         return Options
 
     @abstractmethod
-    def fit(
-        self, source: Source, options: Any, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
-    ) -> Fitted:
+    def fit(self, source: Source, options: Any, *, leave_out: Sequence[str], own: Laboratory, keep: bool) -> Fitted:
         """Fit the declared model to every sensor.
 
         Args:
@@ -159,7 +157,7 @@ class Kind(ABC):
         """
 
     @abstractmethod
-    def trace(self, source: Source, options: Any, *, own: Sequence[Entry]) -> Traced:
+    def trace(self, source: Source, options: Any, *, own: Laboratory) -> Traced:
         """Find effects missing in the declared model; arguments and errors as for `fit`."""
 
     @property

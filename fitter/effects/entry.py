@@ -108,6 +108,8 @@ class Entry:
         largest: size beyond which it is not an explanation; None if unknown.
         dynamic: whether its size depends on the order of the settings and on how long they are held.
         manual_changes: influences of changes by a person; None: those of its family, if its kind has families.
+        history: number of the laboratory's earlier calibrations in which a further run confirmed it, and of all; None
+            without a declared history.
     """
 
     name: str
@@ -126,6 +128,7 @@ class Entry:
     largest: Largest | None = field(default=None, kw_only=True)
     dynamic: bool = field(default=False, kw_only=True)
     manual_changes: tuple[ByHand, ...] | None = field(default=None, kw_only=True)
+    history: tuple[int, int] | None = field(default=None, kw_only=True)
 
     @property
     def by_hand(self) -> tuple[ByHand, ...]:

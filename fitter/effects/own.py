@@ -11,6 +11,12 @@
     usual_size = "1e-5 V"
     by_hand = { change = "door-closed", say = "close the door", does = "removes" }
 
+    [history]
+    calibrations = 24
+    confirmed = { draught = 9, gear-pitch = 3 }
+
+`history` may be left out: number of the laboratory's calibrations with a further run, and of those in which it
+confirmed an effect. Of names that data cannot tell apart, the more probable one by data and history is then reported.
 `by_hand` may be left out: a change by a person that removes or resizes the effect. The stratum determines the kind of
 calibration of the effect. Each kind defines its strata, its scopes and the variables of columns in a `Grammar`; the
 arithmetic is that of `rig.fitter.arithmetic`.
@@ -24,6 +30,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.history import History, Laboratory
 from rig.fitter.effects.manual_changes import ByHand, Change
 from rig.fitter.effects.own_formula import OwnFormula
 from rig.fitter.effects.sizes import each
@@ -50,11 +57,11 @@ class Grammar:
     make: Callable[[Mapping[str, Any], Sequence[OwnFormula]], Entry]
 
 
-def own_effects(text: str, grammars: Sequence[Grammar]) -> tuple[Entry, ...]:
-    """Effects written in TOML, of any of the kinds whose grammars are given.
+def own_effects(text: str, grammars: Sequence[Grammar]) -> Laboratory:
+    """Effects and their history, written in TOML, of any of the kinds whose grammars are given.
 
     Args:
-        text: `[[effect]]` tables, as at the head of this module.
+        text: `[[effect]]` tables and `[history]`, as at the head of this module.
         grammars: of the kinds of calibration; `GRAMMAR` of the module `effects.own` of each.
 
     Raises:
@@ -73,7 +80,7 @@ def own_effects(text: str, grammars: Sequence[Grammar]) -> tuple[Entry, ...]:
         ... separate_by = "close the door"
         ... usual_size = "0.1 mV"
         ... '''
-        >>> [effect.name for effect in own_effects(text, [GRAMMAR])]
+        >>> [effect.name for effect in own_effects(text, [GRAMMAR]).effects]
         ['draught']
     """
     try:
@@ -82,9 +89,28 @@ def own_effects(text: str, grammars: Sequence[Grammar]) -> tuple[Entry, ...]:
         raise FitError(f"it is no TOML: {error}") from error
     except RecursionError:
         raise FitError("it is nested too deeply to be a file of effects") from None
-    if set(tables) != {"effect"} or not isinstance(tables["effect"], list):
-        raise FitError("a file of effects has [[effect]] tables and nothing else")
-    return tuple(_effect(table, grammars) for table in tables["effect"])
+    effects, history = tables.pop("effect", []), tables.pop("history", None)
+    if tables or not isinstance(effects, list) or not (effects or history):
+        raise FitError("a file of effects has [[effect]] tables, [history], or both, and nothing else")
+    return Laboratory(tuple(_effect(table, grammars) for table in effects), _history(history))
+
+
+def _history(table: Any) -> History:
+    if table is None:
+        return History()
+    if not isinstance(table, Mapping) or set(table) != {"calibrations", "confirmed"}:
+        raise FitError("[history] has calibrations, a number, and confirmed, a table of numbers by name of the effect")
+    calibrations, confirmed = table["calibrations"], table["confirmed"]
+    if not _count(calibrations) or not calibrations or not isinstance(confirmed, Mapping):
+        raise FitError(f"[history]: calibrations is a number from 1 on, confirmed a table, not {table!r:.80}")
+    for name, count in confirmed.items():
+        if not _count(count) or count > calibrations:
+            raise FitError(f"[history]: {name} was confirmed in 0 to {calibrations} calibrations, not {count!r:.40}")
+    return History(calibrations, dict(confirmed))
+
+
+def _count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
 
 
 def _effect(table: Any, grammars: Sequence[Grammar]) -> Entry:

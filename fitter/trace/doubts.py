@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rig.fitter.effects.entry import Entry
 from rig.fitter.quantiles import t_tail
 
 DOUBT = 1e-2
@@ -136,3 +137,12 @@ def two_sizes(names: Sequence[str], sensor: str) -> str:
     """Sentence about a cause of all sensors beside one of a single sensor that has the same shape there."""
     wide, own = names
     return f"in {sensor}, {own} has the shape of {wide}: this sensor asks for another size than {wide} has"
+
+
+def by_the_history(entry: Entry, other: Entry) -> str:
+    """Sentence about a name that a laboratory's history puts before another one."""
+    (own, calibrations), (others, _) = entry.history or (0, 0), other.history or (0, 0)
+    return (
+        f"these data alone would name {other.name}: the laboratory's history decides, {own} of {calibrations} "
+        f"calibrations with {entry.name} and {others} with {other.name}"
+    )

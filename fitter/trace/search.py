@@ -9,8 +9,10 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
+from rig.fitter.effects.history import nats
 from rig.fitter.trace.aliases import Named, Rival, simplest
 from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.doubts import by_the_history
 
 MOST = 16
 """Maximum number of terms: beyond it the declared model is not a model of these data."""
@@ -86,14 +88,14 @@ def search_and_name(
 ) -> tuple[J, tuple[int, ...]]:
     """Search, then replace each finding by the `lead` of its alias class, until there is no change.
 
-    The lead, by default the simplest, must be significant by itself too.
+    The lead, by default the simplest, must be significant by itself too. A laboratory's history may lead to another.
     """
     for _ in range(ROUNDS):
         judge, chosen = search(judge, chosen)
         settled = chosen
         for name in names_of(judge.candidates, chosen):
             if name in names_of(judge.candidates, settled):
-                first = lead(judge.alike(settled, name))
+                first = by_history(judge.candidates, alike := judge.alike(settled, name), lead(alike))
                 others = tuple(j for j in settled if judge.candidates[j].effect.name != name)
                 named = (*others, *first.terms)
                 if all(judge.p_adjusted(named, j) <= ALPHA for j in first.terms):
@@ -102,6 +104,30 @@ def search_and_name(
             break
         chosen = settled
     return judge, chosen
+
+
+def by_history(candidates: Sequence[Named], found: Sequence[Rival], first: Rival) -> Rival:
+    """The most probable explanation by data and history, where the laboratory found it more often than the `first`.
+
+    `sigmas` squared are twice the logarithm of a likelihood ratio, with the price of columns.
+    """
+    prior = {rival: nats(candidates[rival.terms[0]].effect) for rival in found if rival.alias}
+    oftener = [rival for rival, own in prior.items() if own > prior.get(first, own)]
+    return min([first, *oftener], key=lambda rival: rival.sigmas**2 - 2.0 * prior.get(rival, 0.0))
+
+
+def led_by_history(
+    judge: Judge, chosen: tuple[int, ...], lead: Callable[[Sequence[Rival]], Rival] = simplest
+) -> dict[str, str]:
+    """Sentences about names that the data alone would not lead to, by name."""
+    out = {}
+    for name in names_of(judge.candidates, chosen) if any(c.effect.history for c in judge.candidates) else ():
+        alike = judge.alike(chosen, name)
+        first = lead(alike)
+        if first.effect != name and by_history(judge.candidates, alike, first).effect == name:
+            own = next(rival for rival in alike if rival.effect == name)
+            out[name] = by_the_history(*(judge.candidates[one.terms[0]].effect for one in (own, first)))
+    return out
 
 
 def names_of(candidates: Sequence[Named], chosen: tuple[int, ...]) -> list[str]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.history import NOTHING, Laboratory
 from rig.fitter.effects.sizes import size_95
 from rig.fitter.errors import FitError
 from rig.fitter.quantiles import t_limit
@@ -159,7 +159,7 @@ def _size(found: Trace, sensor: SensorTrace, effect: FoundEffect, t: float) -> s
 
 
 def trace_attitude_table(
-    table: Table, *, temperature: bool | None = None, unnamed: bool = False, own: Sequence[Entry] = ()
+    table: Table, *, temperature: bool | None = None, unnamed: bool = False, own: Laboratory = NOTHING
 ) -> AttitudeTraced:
     """Find effects missing in the declared model of a pitch-roll table; arguments and errors as for
     `fit_attitude_table`.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rig.fitter.effects.history import NOTHING, Laboratory
 from rig.fitter.errors import FitError
 from rig.procedures.attitude.fit import AttitudeFit, at_temperature, fit_all
 from rig.procedures.attitude.gross import of_attitude
@@ -25,7 +26,6 @@ from rig.procedures.tables.unused import unused_in_fit
 
 if TYPE_CHECKING:
     from rig.fitter.arrays import FloatArray
-    from rig.fitter.effects.entry import Entry
     from rig.procedures.attitude.data import AttitudeData
     from rig.procedures.attitude.infer import AttitudeCalibration
     from rig.procedures.attitude.settings import PitchRollProcedure
@@ -63,7 +63,7 @@ def fit_attitude_table(
     leave_out: Sequence[str] = (),
     found: Trace | None = None,
     allowed: Mapping[str, Sequence[str]] = MappingProxyType({}),
-    own: Sequence[Entry] = (),
+    own: Laboratory = NOTHING,
 ) -> dict[str, Any]:
     """Fit the declared model to every sensor of a pitch-roll table; returns JSON values.
 
@@ -176,10 +176,10 @@ def traced_effects(data: AttitudeData, *, temperature: bool) -> tuple[Volts, Oth
     Raises:
         FitError: the run cannot be traced.
     """
-    return effects_of(_trace_of(data, (), temperature=temperature), {})
+    return effects_of(_trace_of(data, NOTHING, temperature=temperature), {})
 
 
-def _trace_of(data: AttitudeData, own: Sequence[Entry], *, temperature: bool) -> Trace:
+def _trace_of(data: AttitudeData, own: Laboratory, *, temperature: bool) -> Trace:
     """A trace for its effects, without the left-out error, which is not reported."""
     from rig.procedures.attitude.effects import CATALOGUE, Effect  # noqa: PLC0415 - few fits need a trace
     from rig.procedures.attitude.trace import trace  # noqa: PLC0415

@@ -16,7 +16,7 @@ from rig.procedures.tables.unused import Unused, unused_in_fit
 
 if TYPE_CHECKING:
     from rig.fitter.arrays import FloatArray
-    from rig.fitter.effects.entry import Entry
+    from rig.fitter.effects.history import Laboratory
     from rig.fitter.effects.own import Grammar
     from rig.procedures.attitude.evaluate import AttitudeTraced
     from rig.procedures.attitude.infer import AttitudeCalibration
@@ -77,7 +77,7 @@ class AttitudeKind(Kind):
         return bool({"pitch_deg", "roll_deg"} & set(columns))
 
     def fit(
-        self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
+        self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Laboratory, keep: bool
     ) -> Fitted:
         """Every sensor, or with `points` fractions of the run in addition to the whole."""
         if options.points is not None:
@@ -107,7 +107,7 @@ class AttitudeKind(Kind):
         result = compare_fractions(source.table, options.points, temperature=options.temperature)
         return FractionsCompared(result, source.table, options.points)
 
-    def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
+    def trace(self, source: Source, options: TraceOptions, *, own: Laboratory) -> Traced:
         """Find effects missing in the declared model; arguments and errors as for `fit`."""
         from rig.procedures.attitude.evaluate import trace_attitude_table  # noqa: PLC0415
 

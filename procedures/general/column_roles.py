@@ -11,7 +11,7 @@ import numpy as np
 from rig.fitter.arithmetic import quoted
 from rig.fitter.arithmetic_text import column_name
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.history import NOTHING, Laboratory
 from rig.fitter.errors import FitError
 from rig.fitter.formula import Formula, check_sizes
 from rig.fitter.linear import orthonormal, spanned
@@ -53,7 +53,7 @@ class Roles:
         date: column of the dates of a time of day.
         date_order: "dmy" or "mdy", for dates that do not show it.
         wrap: period of the response, symmetric about zero; None if it is not an angle.
-        own: the laboratory's own effects, of any kind of calibration.
+        own: what the laboratory adds: effects of any kind of calibration, and how often it found each.
         sensors: number of responses of the run that are traced: findings by chance are counted over all of them.
     """
 
@@ -69,7 +69,7 @@ class Roles:
     wrap: float | None = None
     date: str | None = None
     date_order: str | None = None
-    own: tuple[Entry, ...] = ()
+    own: Laboratory = NOTHING
     sensors: int = 1
     sides: tuple[str, str] | None = None
 
@@ -181,7 +181,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         functions=functions,
     )
     labels = {name: _grouping(columns[name], declared=False) for name in _levels(table, unused) if name not in few}
-    scene = replace(scene, own=tuple(_testable(scene, roles.own, notes)), labels=labels)
+    scene = replace(scene, own=tuple(_testable(scene, roles.own, notes)), history=roles.own.history, labels=labels)
     notes.extend(_not_looked_at(table, unused))
     shared = roles.whole_plot or ((roles.replicate,) if roles.replicate else ())
     hi, lo = exact.hi, exact.lo
@@ -208,7 +208,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
     return data, tuple(notes)
 
 
-def _testable(scene: TableScene, own: Sequence[Entry], notes: list[str]) -> Iterator[TableEffect]:
+def _testable(scene: TableScene, own: Laboratory, notes: list[str]) -> Iterator[TableEffect]:
     """The laboratory's own effects of tables whose columns this table has; the others are noted."""
     for effect in with_own((), own, TableEffect):
         missing = missing_in(scene, effect)

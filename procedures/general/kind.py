@@ -13,7 +13,7 @@ from rig.procedures.kind import Kind
 
 if TYPE_CHECKING:
     from rig.fitter.arrays import FloatArray
-    from rig.fitter.effects.entry import Entry
+    from rig.fitter.effects.history import Laboratory
     from rig.fitter.effects.own import Grammar
     from rig.procedures.evaluate.acceptance import Verdict
     from rig.procedures.evaluate.budgeting import Evaluation, Expected
@@ -69,7 +69,7 @@ class GeneralKind(Kind):
         return {"effects": catalogue_shown.catalogue, "models": catalogue_shown.models}[topic]()
 
     def fit(
-        self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
+        self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Laboratory, keep: bool
     ) -> Fitted:
         """A formula to one column, or the declared models to all sensors of a run."""
         from rig.procedures.evaluate.points import WITH_EFFECTS, points  # noqa: PLC0415
@@ -138,7 +138,7 @@ class GeneralKind(Kind):
         """Options of `rig budget` for this kind only."""
         return BudgetOptions
 
-    def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
+    def trace(self, source: Source, options: TraceOptions, *, own: Laboratory) -> Traced:
         """Find effects missing in the declared model; arguments and errors as for `fit`."""
         read: Reader = source.read
         if source.is_run:
@@ -169,7 +169,7 @@ class GeneralKind(Kind):
             wrap=options.wrap,
             date=options.date,
             date_order=options.date_order,
-            own=tuple(own),
+            own=own,
         )
         return trace_general_table(read, roles)
 

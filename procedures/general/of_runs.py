@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.history import NOTHING, Laboratory
 from rig.fitter.errors import FitError
 from rig.fitter.formula import Formula
 from rig.fitter.trace.outcome import Outcome
@@ -261,8 +261,8 @@ def _unused_by_all(every: Sequence[Mapping[str, Any]], outputs: Collection[str])
     return {**every[0], "columns": told}
 
 
-def trace_run(asked: RunModels, own: Sequence[Entry] = (), *, validate: bool = True) -> RunTraced:
-    """Find effects missing in the declared model of every sensor; `own` are the laboratory's own effects.
+def trace_run(asked: RunModels, own: Laboratory = NOTHING, *, validate: bool = True) -> RunTraced:
+    """Find effects missing in the declared model of every sensor; `own` is what the laboratory adds.
 
     Without the left-out error, if not `validate`.
 
@@ -270,7 +270,7 @@ def trace_run(asked: RunModels, own: Sequence[Entry] = (), *, validate: bool = T
         DataError: there are too few rows for a model, or it cannot be read.
     """
     read = reader_of(asked.table)
-    every = {column: replace(roles, own=tuple(own)) for column, roles in roles_of_run(asked).items()}
+    every = {column: replace(roles, own=own) for column, roles in roles_of_run(asked).items()}
     found = {column: trace_general_table(read, roles, validate=validate) for column, roles in every.items()}
     return RunTraced(found, tuple(column for column in asked.models if column not in found))
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from rig.fitter.arithmetic_text import parse_expression
 from rig.fitter.arrays import FloatArray
-from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.history import Laboratory
 from rig.fitter.errors import FitError
 from rig.fitter.linear import orthonormal, spanned
 from rig.fitter.trace.outcome import Outcome
@@ -79,7 +79,7 @@ class WithEffects:
     holds: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
-def fit_traced(asked: RunModels, leave_out: Sequence[str], own: Sequence[Entry]) -> RunFitted:
+def fit_traced(asked: RunModels, leave_out: Sequence[str], own: Laboratory) -> RunFitted:
     """Trace every sensor, and fit its model with what was found.
 
     Raises:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.history import NOTHING, Laboratory
 from rig.fitter.effects.sizes import size_95
 from rig.fitter.errors import FitError
 from rig.fitter.trace.outcome import Finding, Outcome, run_json
@@ -113,7 +113,7 @@ def _errors(found: TransducerTrace) -> Errors:
 
 
 def trace_whole_plot_table(
-    table: Table, model: str | None = None, own: Sequence[Entry] = (), *, validate: bool = True
+    table: Table, model: str | None = None, own: Laboratory = NOTHING, *, validate: bool = True
 ) -> WholePlotTraced:
     """Find effects missing in the declared model of a whole-plot table; errors as for `fit_whole_plots`.
 

@@ -15,7 +15,7 @@ from rig.procedures.tables.unused import Unused, unused_in_fit
 
 if TYPE_CHECKING:
     from rig.fitter.arrays import FloatArray
-    from rig.fitter.effects.entry import Entry
+    from rig.fitter.effects.history import Laboratory
     from rig.fitter.effects.own import Grammar
     from rig.procedures.evaluate.acceptance import Verdict
     from rig.procedures.evaluate.budgeting import Evaluation, Expected
@@ -86,7 +86,7 @@ class PressureKind(Kind):
         return bool({"whole_plot", "pressure_psia"} & set(columns))
 
     def fit(
-        self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Sequence[Entry], keep: bool
+        self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Laboratory, keep: bool
     ) -> Fitted:
         """Every transducer by every method."""
         from rig.procedures.pressure.fitted import fit_whole_plots  # noqa: PLC0415
@@ -94,7 +94,7 @@ class PressureKind(Kind):
         given = options.model_dump(exclude_none=True, exclude={"formula"})
         return fit_whole_plots(source.table, options.formula, leave_out=leave_out, **given)
 
-    def trace(self, source: Source, options: TraceOptions, *, own: Sequence[Entry]) -> Traced:
+    def trace(self, source: Source, options: TraceOptions, *, own: Laboratory) -> Traced:
         """Find effects missing in the declared model; arguments and errors as for `fit`."""
         from rig.procedures.pressure.evaluate import trace_whole_plot_table  # noqa: PLC0415
 

@@ -74,7 +74,7 @@ def test_the_meter_is_exchanged_half_way_and_tells_that_the_square_is_the_cells(
 
 
 def test_an_own_effect_says_what_a_change_by_a_person_does_to_it():
-    (effect,) = own_effects(OWN, [GRAMMAR])
+    (effect,) = own_effects(OWN, [GRAMMAR]).effects
     assert effect.influence("meter-swapped") == "resizes"
     assert effect.influence("remount") is None
     (change,) = (own.change for own in effect.by_hand)

@@ -1,4 +1,4 @@
-"""The list of tests that `make test` leaves to `make test-all`. That its lines name tests is asked where tests are collected."""
+"""The list of tests that `make test` leaves to `make test-all`. `conftest.py` asks that its lines name tests."""
 
 from __future__ import annotations
 

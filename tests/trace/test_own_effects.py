@@ -88,7 +88,7 @@ def test_what_is_wrong_with_a_file_is_said(tmp_path, monkeypatch, change, says):
     monkeypatch.setenv("RIG_EFFECTS", str(file))
     with pytest.raises((ConfigurationError, DataError), match=says):
         attitude_catalogue()
-    assert own_effects(DRAUGHT, GRAMMARS)[0].name == "draught"
+    assert own_effects(DRAUGHT, GRAMMARS).effects[0].name == "draught"
 
 
 STICKING = """
@@ -123,7 +123,7 @@ def test_an_effect_of_transducers_can_be_added_too(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("formula", ["0/0", "9**9**9**9*pitch", "(-1)**0.5*pitch", "1/(roll-roll)"])
 def test_a_column_that_is_no_number_is_refused_by_its_text(formula):
-    (effect,) = own_effects(DRAUGHT.replace("exp(cos(pitch))*sin(3*roll)", formula), GRAMMARS)
+    (effect,) = own_effects(DRAUGHT.replace("exp(cos(pitch))*sin(3*roll)", formula), GRAMMARS).effects
     data, _ = simulate(Bench(), D1(180, 5, 5, replications=2), seed=1)
     with pytest.raises(ValueError, match="effect's column"):
         trace(data, (effect,), validate=False)

@@ -205,7 +205,9 @@ class Problem:
             return some._stacked(self.columns[:, self.start[terms[0]] : self.start[terms[-1] + 1]])
         return some
 
-    def given(self, *, y: FloatArray | None = None, noise: Noise | None = None, sd: FloatArray | None = None) -> Problem:
+    def given(
+        self, *, y: FloatArray | None = None, noise: Noise | None = None, sd: FloatArray | None = None
+    ) -> Problem:
         """The same candidates for another response, covariance or row errors; what is None stays."""
         return replace(
             self,

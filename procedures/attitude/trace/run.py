@@ -15,7 +15,7 @@ from rig.fitter.trace.found import explanations_of
 from rig.fitter.trace.keep import groups_of, kept, left_in
 from rig.fitter.trace.not_kept import NotKept
 from rig.fitter.trace.refusals import refusals
-from rig.fitter.trace.search import ROUNDS, names_of, prune, search_and_name
+from rig.fitter.trace.search import ROUNDS, led_by_history, names_of, prune, search_and_name
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects import CATALOGUE, Effect
 from rig.procedures.attitude.effects.unnamed import UNNAMED
@@ -137,7 +137,7 @@ def trace(
     wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
     wrong = (*judge.oversized, *wrong)
     unmodelled = UnmodelledSmooth(problem, found)
-    doubts = doubts_of(unmodelled)
+    doubts = doubts_of(unmodelled) | led_by_history(judge, found)
     sensors = {
         sensor: replace(
             sensor_trace(

@@ -12,6 +12,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.history import History
 from rig.fitter.errors import FitError
 
 _TEMPERATURE = re.compile(r"temp|deg_?c$|(^|[_.])t_?c$|_c$|_k$|oven|ambient|^t[0-9]?$", re.IGNORECASE)
@@ -127,6 +128,7 @@ class TableScene:
         speed: name and (n,) velocity, if the direction is given by one.
         setpoints: (n,) what was asked for, of settings whose value a reference standard read.
         own: the laboratory's own effects that the table can be tested for.
+        history: how often the laboratory found which effect.
         labels: columns of text without a role, whose levels repeat; shapes without a name and coarse rounding are
             looked for by them, but no effects.
         moves: how each variable came to its setting, in seconds, where that is known.
@@ -142,6 +144,7 @@ class TableScene:
     speed: tuple[str, FloatArray] | None = None
     setpoints: Mapping[str, FloatArray] = field(default_factory=dict)
     own: tuple[Entry, ...] = ()
+    history: History = field(default_factory=History)
     labels: Mapping[str, Grouping] = field(default_factory=dict)
     moves: Mapping[str, Stood] = field(default_factory=dict)
     constant: bool = True

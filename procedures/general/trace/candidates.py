@@ -55,7 +55,7 @@ def candidates_of(
     with np.errstate(over="ignore", invalid="ignore"):
         every = [
             Candidate(effect, term)
-            for effect in effects_of(scene, response)
+            for effect in map(scene.history.of, effects_of(scene, response))
             for term in effect.terms(scene)
             if not _of_scatter(scene, effect, term) and not (effect.kind is FIRST_ORDER and _declared(term, basis))
         ]

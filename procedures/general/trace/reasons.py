@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rig.fitter.trace.doubts import CHANGES, not_constant, not_sudden
+from rig.fitter.trace.search import led_by_history
 from rig.procedures.general.trace.constant import changes, exchanged
 from rig.procedures.general.trace.few_rows import resting
 from rig.procedures.general.trace.laws import other_laws
@@ -11,8 +12,12 @@ from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
 
 def doubts_of(unmodelled: UnmodelledSmooth) -> dict[str, str]:
-    """A sentence by name: rows that alone show a name first, then shapes without a name."""
-    return {**new_doubts(unmodelled), **unmodelled.doubts, **resting(unmodelled)}
+    """A sentence by name: a history first, then rows that alone show a name, then shapes without a
+    name.
+    """
+    judge = unmodelled.judge
+    led = led_by_history(judge, unmodelled.chosen, judge.lead)
+    return {**new_doubts(unmodelled), **unmodelled.doubts, **resting(unmodelled), **led}
 
 
 def new_doubts(unmodelled: UnmodelledSmooth) -> dict[str, str]:

@@ -28,6 +28,7 @@ from rig.fitter.trace.engine.beside import Level
 from rig.fitter.trace.found import Unnamed, verdict
 from rig.fitter.trace.lines import CLEAR
 from rig.fitter.trace.not_kept import for_others, left_to_whole_plots
+from rig.fitter.trace.search import led_by_history
 from rig.fitter.trace.shares import of_rest, shares, unnamed_part
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
@@ -101,6 +102,11 @@ class Finding:
     def classes(self) -> dict[str, tuple[Rival, ...]]:
         """Every explanation of each effect found."""
         return classes(self.judge, self.after.chosen)
+
+    @cached_property
+    def led_by_history(self) -> dict[str, str]:
+        """Sentences about names that a laboratory's history puts before others."""
+        return led_by_history(self.judge, self.after.chosen, self.judge.lead)
 
     @cached_property
     def unmodelled(self) -> UnmodelledSmooth:
@@ -212,7 +218,7 @@ def _alike_laws(finding: Finding, name: str) -> str | None:
 def _doubt_in(finding: Finding, name: str, i: int) -> str | None:
     """Why a name should not be believed in transducer `i`."""
     problem, course = finding.judge.problem, finding.courses.get(i)
-    said = finding.unmodelled.doubts.get((name, i))
+    said = finding.led_by_history.get(name) or finding.unmodelled.doubts.get((name, i))
     if said is None:
         said = finding.constant.doubts.get(name)
     between = any(

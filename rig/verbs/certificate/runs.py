@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rig.effects import laboratory_effects
 from rig.errors import RigError
+from rig.fitter.effects.history import NOTHING
 from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.present.shell import shell_word
@@ -100,7 +101,7 @@ def _read_table(
     if run.of is not None:
         with _noted(reasons):
             kind, source = run.of.kind, OfTable(run.of.table)
-            fitted = kind.fit(source, kind.fit_options(), leave_out=(), own=(), keep=False)
+            fitted = kind.fit(source, kind.fit_options(), leave_out=(), own=NOTHING, keep=False)
             run.outcomes = kind.trace(source, kind.trace_options(), own=laboratory_effects()).outcomes
             gross = list(gross_errors(fitted.to_json(), run.outcomes, own.keep, str(given)))
             run.said += tuple(told for kept, told in gross if kept)
