@@ -32,6 +32,10 @@ class DeclaredReader(Declared):
         self._count = self._mark = 0
         self._due = 0.0
         self._forms = {name: PrintedForm() for name in self._channels}
+        asked = self._reader.reading.ask if self._reader.reading is not None else None
+        own = any(one.reading is not None for one in self._channels.values())
+        # whether each channel has a question of its own
+        self._one_by_one = bool(self._reader.select) or own or "{channel}" in (asked or "")
 
     def channels(self) -> Sequence[str]:
         """Channel labels in scan order; a single-input meter has one channel, "input"."""
@@ -62,14 +66,6 @@ class DeclaredReader(Declared):
         """Duration of one sweep over all channels, seconds."""
         each = self._reader.reading_s * (1 + self._reader.discard) + self._reader.settle_s
         return each * (len(self._channels) if self._one_by_one else 1)
-
-    @property
-    def _one_by_one(self) -> bool:
-        """Whether each channel has a question of its own."""
-        reader = self._reader
-        if reader.select or any(one.reading is not None for one in self._channels.values()):
-            return True
-        return "{channel}" in ((reader.reading or Ask()).ask or "")
 
     def start(self, count: int) -> float:
         """Trigger `count` sweeps over all channels; returns the seconds they are expected to take.

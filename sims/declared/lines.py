@@ -48,6 +48,9 @@ class LinesTwin(Behaviour):
             if tell.tell is not None
         ]
         self._lines.sort(key=lambda line: len(line.form.fields))  # whole lines before those with something to fill in
+        self._whole = {line.form.write({}).casefold(): line for line in reversed(self._lines) if not line.form.fields}
+        self._open = [line for line in self._lines if line.form.fields]
+        self._error = self._form(self.table.errors.answer[0])
         self._forms: dict[tuple[int, str], Form] = {}
         self._session, self._input, self._free = 0, b"", 0.0
         self._host: Callable[[bytes], None] | None = None
@@ -142,8 +145,10 @@ class LinesTwin(Behaviour):
         """The answer to a line, and when it comes. Raises `Refused`."""
         if line == self.table.errors.ask:
             return self._told_error(), 0.0
-        for form, place, what in self._lines:
-            fields = form.read(line.removeprefix(":") if self.table.scpi else line, strict=False)
+        said = line.removeprefix(":") if self.table.scpi else line
+        whole = self._whole.get(said.casefold())
+        for form, place, what in self._open if whole is None else (whole,):
+            fields = form.read(said, strict=False)
             if fields is None:
                 continue
             holes: dict[str, float | str] = {
@@ -155,10 +160,10 @@ class LinesTwin(Behaviour):
                 return (self._acknowledged(what, holes), what.wait_s) if what.answer else None
             if what is None:
                 return None
-            said = self.answers(place, what, holes)
-            if said.after_s > 0:
-                return partial(self._later, place, what, holes), said.after_s
-            return self._printed(what, self._with_others(place, what, said), holes), 0.0
+            told = self.answers(place, what, holes)
+            if told.after_s > 0:
+                return partial(self._later, place, what, holes), told.after_s
+            return self._printed(what, self._with_others(place, what, told), holes), 0.0
         raise Refused
 
     def _acknowledged(self, tell: Tell, holes: Mapping[str, float | str]) -> str:
@@ -195,7 +200,7 @@ class LinesTwin(Behaviour):
         return next(iter(errors.codes), str(1 << int(next(iter(errors.bits)))) if errors.bits else "-113")
 
     def _told_error(self) -> str:
-        errors, form = self.table.errors, self._form(self.table.errors.answer[0])
+        errors, form = self.table.errors, self._error
         code = self._code() if self.queue else errors.none
         self.queue = self.queue[1:] if errors.queue and not errors.bits else []
         words = errors.codes.get(code, "refused") if code != errors.none else "No error"
