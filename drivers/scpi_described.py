@@ -1,6 +1,7 @@
 """Talk with a SCPI instrument that a bench file describes: identity, lines with their errors, settings read back.
 
 Before the identity is known, only the question for it is sent. After every command the instrument's errors are read.
+The roles are those of declared instruments (`rig.drivers.declared`): `Described` gives them this way to talk.
 """
 
 from __future__ import annotations
@@ -8,10 +9,15 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Callable, Mapping
-from typing import TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar, TypeVar
 
+from rig.contracts.declared.exchanges import Ask, Check, Tell
+from rig.contracts.declared.instrument import Instrument
 from rig.drivers.clock import Clock
+from rig.drivers.declared.base import Remembering
+from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
+from rig.drivers.driver import Medium
 from rig.drivers.errors import BadReply, DriverError, InstrumentError, NoReply, WrongInstrument
 from rig.drivers.kept import not_kept
 from rig.drivers.numbers import decimal, whole
@@ -98,10 +104,6 @@ class DescribedScpi:
         except BadReply:
             return meaning(question, self.ask(question))
 
-    def number(self, question: str) -> float:
-        """The number in the answer to a question, by the bench file's form. Raises `BadReply`."""
-        return self.asked(question, self.number_in)
-
     def whole(self, question: str) -> int:
         """The answer to a question as a whole number. Raises `BadReply`."""
         return self.asked(question, self._whole_in)
@@ -111,10 +113,6 @@ class DescribedScpi:
             return whole(answer)
         except ValueError:
             raise self.line.bad_reply(question, answer, "a whole number") from None
-
-    def number_in(self, question: str, answer: str) -> float:
-        """The number in an answer. Raises `BadReply`."""
-        return self.printed_in(question, answer)[1]
 
     def printed_in(self, question: str, answer: str) -> tuple[str, float]:
         """The number in an answer as printed, and its value. Raises `BadReply`, also for another unit after it."""
@@ -237,3 +235,97 @@ class DescribedScpi:
     def unhealthy(self, healthy: Mapping[str, float | str]) -> tuple[str, ...]:
         """Questions whose answer is not the healthy one, also when asked again, as sentences."""
         return tuple(f"{q} answers {answer}, not {wanted}" for q, wanted, answer in not_kept(healthy, self.ask, agrees))
+
+
+class _Talk(Talk):
+    """The way to talk as the roles of declared instruments want it."""
+
+    def __init__(self, table: Instrument, clock: Clock, scpi: DescribedScpi, decimals: int) -> None:
+        super().__init__(table, clock, scpi.line.where)
+        self._scpi, self._decimals = scpi, decimals
+        source = table.source
+        self._numbers = {id(ask) for ask in (source.setpoint, source.read) if ask is not None} if source else set()
+
+    def once(self, ask: Ask, holes: Holes = NOTHING, timeout_s: float | None = None, *, repeat: bool = True) -> Answer:
+        """Ask once, or twice if no answer comes and `repeat`."""
+        question = ask.said
+        raw = self._scpi.ask(question, timeout_s, repeat=repeat)
+        if id(ask) in self._numbers:
+            printed, value = self._scpi.printed_in(question, raw)
+            return Answer({}, value, "", printed)
+        if ask.bit is not None:
+            try:
+                on = whole(raw) >> ask.bit & 1
+            except ValueError:
+                raise self._scpi.line.bad_reply(question, raw, "a whole number") from None
+            return Answer({}, math.nan, "on" if on else "off", raw)
+        return Answer({}, math.nan, "", raw)
+
+    def tell(self, tell: Tell, holes: Holes = NOTHING, *, checked: bool = True) -> None:
+        """Send a command; if `checked`, look whether it was refused."""
+        line = tell.said
+        for name, value in holes.items():
+            decimals = self._decimals if name == "value" else 0
+            line = line.replace(f"{{{name}}}", f"{round(float(value), decimals) + 0.0:.{decimals}f}")
+        (self._scpi.send if checked else self._scpi.tell)(line)
+
+    def bad(self, ask: Ask, answer: object, expected: str) -> BadReply:
+        """The error for an answer that makes no sense; the line is synchronised before its next use."""
+        return self._scpi.line.bad_reply(ask.said, answer, expected)
+
+    def raise_errors(self) -> None:
+        """Empty the error queue. Raises `InstrumentError` with the first error."""
+        self._scpi.raise_errors()
+
+    def forget_errors(self) -> None:
+        """Empty the error queue of errors that are nobody's."""
+        self._scpi.forget_errors()
+
+    def drain(self) -> None:
+        """Listen until it is silent."""
+        self._scpi.line.drain()
+
+    def takes_s(self, characters: int) -> float:
+        """Maximum bench seconds for this many characters on the wire."""
+        return self._scpi.line.takes_s(characters)
+
+    def close(self) -> None:
+        """Release the wire; idempotent."""
+        self._scpi.line.close()
+
+
+class Described(Remembering):
+    """A declared instrument whose table is in the bench file."""
+
+    wire: ClassVar[Medium] = "serial"
+
+    def _opened(self, address: str, wires: Wires) -> Talk:
+        options = self._options
+        healthy = tuple(Check.model_construct(ask=q, is_=answer) for q, answer in options.healthy.items())
+        self.table = Instrument.model_construct(healthy=healthy, **self._roles())  # type: ignore[misc]  # of one instance
+        self._scpi = DescribedScpi(self.name, address, options, wires, self._clock)
+        return _Talk(self.table, self._clock, self._scpi, getattr(options, "decimals", 0))
+
+    def _roles(self) -> Mapping[str, Any]:
+        """Its reader or source."""
+        raise NotImplementedError(f"{type(self).__name__} has no role")
+
+    def identify(self) -> Identity:
+        """Ask for the identity. Nothing but *IDN? is sent."""
+        return self._scpi.identify()
+
+    def prepare(self) -> None:
+        """Send the lines of the bench file, and read settings back.
+
+        Raises:
+            InstrumentError: a line was refused.
+            BadReply: a setting reads back differently.
+        """
+        self._scpi.prepare()
+
+    def wrong(self) -> Sequence[str]:
+        """Settings that are not as declared: the questions of `check` and `healthy`."""
+        return self._scpi.wrong()
+
+    def _lost(self) -> bool:
+        return self._scpi.restarted()

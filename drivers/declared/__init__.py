@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field, create_model
 
 from rig.contracts.declared.instrument import Instrument, parse
 from rig.drivers.declared.base import Declared, Remembering
-from rig.drivers.declared.reader import DeclaredReader
+from rig.drivers.declared.reader import DeclaredReader, OneByOneReader
 from rig.drivers.declared.source import DeclaredSource
 from rig.drivers.wires import SerialOptions
 from rig.drivers.wires.serial_line import Frame
@@ -60,7 +60,12 @@ def driver_of(text: str) -> type[Declared]:
     """The driver of an instrument's file. Raises `ValueError` with all that is wrong with the file."""
     table = parse(text)
     bases: list[type[Declared]] = [Remembering] if table.remembers else []
-    bases += [DeclaredReader] if table.reader is not None else []
+    if table.reader is not None:
+        asked = (table.reader.reading.ask if table.reader.reading is not None else None) or ""
+        several = len(table.reader.channels) > 1 and (
+            table.reader.select or "{channel}" in asked or any(one.reading for one in table.reader.channels.values())
+        )
+        bases.append(OneByOneReader if several else DeclaredReader)
     bases += [DeclaredSource] if table.source is not None else []
     words = "".join(c if c.isalnum() else "_" for c in f"{table.maker}_{table.model[0]}")
     constant = table.source.time_constant_s if table.source is not None else None

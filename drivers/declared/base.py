@@ -44,10 +44,14 @@ class Declared:
         self.name = name
         self._clock = clock
         self._options = options
-        self._talk: Talk = _talk(self.table, name, address, options, wires, clock)
+        self._talk = self._opened(address, wires)
         self._where = self._talk.where
         self._prepared = False
         self._begin()
+
+    def _opened(self, address: str, wires: Wires) -> Talk:
+        """Open its wire."""
+        return _talk(self.table, self.name, address, self._options, wires, self._clock)
 
     def _begin(self) -> None:
         """State of a role at the start."""

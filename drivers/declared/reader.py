@@ -13,7 +13,7 @@ from rig.drivers.errors import BadReply, DriverError, LimitError, NotReady
 from rig.drivers.roles import OVERLOAD, is_overload
 from rig.drivers.scpi_learned import PrintedForm
 
-_INPUT = "input"
+INPUT = "input"
 _LATE_S = 2.0  # beyond the declared duration; chosen
 _CHARACTERS_PER_READING = 20  # chosen: a number of any maker with its comma
 _MARKS = 31  # bits of the service request mask without an effect on these lines: see `rig.drivers.scpi`
@@ -26,7 +26,7 @@ class DeclaredReader(Declared):
         super()._begin()
         assert self.table.reader is not None
         self._reader: Reader = self.table.reader
-        every = self._reader.channels or {_INPUT: Channel()}
+        every = self._reader.channels or {INPUT: Channel()}
         wanted = getattr(self._options, "channels", None) or tuple(every)
         self._channels = {name: every[name] for name in wanted}
         self._count = self._mark = 0
@@ -54,15 +54,15 @@ class DeclaredReader(Declared):
     def learned(self) -> Mapping[str, str | int]:
         """Its knowledge: the form of its readings."""
         found = {f"{name} {key}": one for name, form in self._forms.items() for key, one in form.learned.items()}
-        return {key.removeprefix(f"{_INPUT} "): one for key, one in found.items()}
+        return {key.removeprefix(f"{INPUT} "): one for key, one in found.items()}
 
     def recall(self, learned: Mapping[str, str | int]) -> None:
         """Take the knowledge of an earlier session of the run."""
         for name, form in self._forms.items():
-            begin = "" if name == _INPUT else f"{name} "
+            begin = "" if name == INPUT else f"{name} "
             form.recall({key.removeprefix(begin): one for key, one in learned.items() if key.startswith(begin)})
 
-    def sweep_s(self) -> float:
+    def _sweep_s(self) -> float:
         """Duration of one sweep over all channels, seconds."""
         each = self._reader.reading_s * (1 + self._reader.discard) + self._reader.settle_s
         return each * (len(self._channels) if self._one_by_one else 1)
@@ -81,7 +81,7 @@ class DeclaredReader(Declared):
             self._number()
             for command in reader.start:
                 self._talk.tell(command, {"count": float(count), "mark": float(self._mark)}, checked=False)
-        expected = count * self.sweep_s() if reader.start else 0.0  # otherwise fetching takes the time
+        expected = count * self._sweep_s() if reader.start else 0.0  # otherwise fetching takes the time
         self._count = count
         self._due = self._clock.now() + expected
         return expected
@@ -193,14 +193,18 @@ class DeclaredReader(Declared):
             return printed, OVERLOAD if value > 0 else -OVERLOAD
         return printed, value
 
+    def _due_in(self, count: int) -> float:
+        """Wait until all readings are due; returns the longest time that their answer may take then, seconds."""
+        self._clock.sleep(self._due - self._clock.now())
+        sending_s = self._talk.takes_s(count * len(self._channels) * _CHARACTERS_PER_READING)
+        return sending_s + count * self._sweep_s() / 4 + _LATE_S
+
     def _block(self, count: int) -> dict[str, list[tuple[str, float]]]:
         """All readings with one answer, when they are due."""
         fetch = self._reader.fetch
         assert fetch is not None
-        self._clock.sleep(self._due - self._clock.now())
         wanted = count * len(self._channels)
-        sending_s: float = self._talk.takes_s(wanted * _CHARACTERS_PER_READING)
-        seconds = sending_s + count * self.sweep_s() / 4 + _LATE_S + self.table.wire.timeout_s
+        seconds = self._due_in(count) + self.table.wire.timeout_s
         found = self._talk.once(fetch, {"mark": float(self._mark), "count": float(count)}, seconds, repeat=False)
         words = found.fields["values"].split(",") if "values" in found.fields else [found.fields.get("value", "")]
         if len(words) != wanted:
@@ -220,3 +224,11 @@ class DeclaredReader(Declared):
             self._talk.tell(command, checked=False)
         if self._reader.abort:
             self._talk.forget_errors()
+
+
+class OneByOneReader(DeclaredReader):
+    """One that reads its channels one after another (`rig.drivers.roles.OneAfterAnother`)."""
+
+    def sweep_s(self) -> float:
+        """Duration of one sweep over all channels, seconds."""
+        return self._sweep_s()
