@@ -38,6 +38,23 @@ def read_bench(path: Path) -> tuple[BenchConfig, dict[str, str]]:
     return with_files(config, texts, str(path)), texts
 
 
+def bench_of_run(documents: Mapping[str, str], where: str) -> BenchConfig:
+    """The bench of a run file, with the files that it names; without those that this version cannot read.
+
+    Args:
+        documents: texts by document name, with `bench.toml`.
+        where: the run file, for messages.
+
+    Raises:
+        ConfigurationError: the bench file itself is wrong.
+    """
+    config = parse_bench(documents["bench.toml"], f"{where} (bench.toml)", strict=False)
+    try:
+        return with_files(config, documents, where)
+    except ConfigurationError:
+        return config
+
+
 def files_beside(config: BenchConfig, bench: Path) -> dict[str, str]:
     """The texts of the contract files named by a bench, by name. Raises `ConfigurationError` for a missing file."""
     return {

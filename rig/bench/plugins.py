@@ -73,6 +73,14 @@ def driver_class(name: str) -> DriverClass:
     return found
 
 
+def may_repeat(driver: str) -> bool:
+    """Whether readings of a driver's instrument have a declared step, so that they may repeat to the last digit."""
+    try:
+        return bool(getattr(driver_class(driver), "coarse", False))
+    except ConfigurationError:  # it is not installed here
+        return False
+
+
 def load(group: str, name: str, needs: Sequence[str]) -> Any:
     """The object named by an installed plug-in's entry point.
 

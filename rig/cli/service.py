@@ -12,6 +12,7 @@ import typer
 from rich.markup import escape
 
 from rig.bench.config import parse_bench, read_text
+from rig.bench.contract_files import bench_of_run
 from rig.cli.commands import app
 from rig.cli.options import RunArgument
 from rig.cli.show import err
@@ -149,8 +150,8 @@ def _facts(run_file: Path, *, remove: bool) -> RunFacts:
 
 def _patience_s(run_file: Path) -> float:
     with RunReader.open(run_file) as reader:
-        text = reader.documents().get("bench.toml")
-    return WATCHDOG_S if text is None else patience_s(parse_bench(text, f"{run_file} (bench.toml)", strict=False))
+        documents = reader.documents()
+    return WATCHDOG_S if "bench.toml" not in documents else patience_s(bench_of_run(documents, str(run_file)))
 
 
 def _addresses(run_file: Path, bench: Path | None) -> tuple[str, ...]:

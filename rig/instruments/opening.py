@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from rig.bench.bench_file import of_reading
-from rig.bench.plugins import driver_class
+from rig.bench.plugins import driver_class, may_repeat
 from rig.drivers.errors import BadReply, DriverError, NoReply, Unreachable
 from rig.drivers.roles import (
     ByHand,
@@ -148,7 +148,8 @@ class Bench:
 
     def coarse(self, name: str) -> bool:
         """Whether readings of an instrument may repeat to the last digit: by the bench file, or by its own file."""
-        return self.config.instruments[name].coarse or bool(getattr(self.instruments[name], "coarse", False))
+        declared = self.config.instruments[name]
+        return declared.coarse or may_repeat(declared.driver)
 
     def by_hand(self, factor: str) -> ByHand | None:
         """The person who sets a factor; None if an instrument does."""

@@ -31,6 +31,23 @@ def test_its_commands_run_on_its_files(tmp_path):
     assert "complete: 6 of 6 points" in done.stderr
 
 
+def test_its_run_is_verified_and_resumed_without_its_files(tmp_path):
+    """The text of an instrument's file is in the run file."""
+    for name, text in BLOCKS.items():
+        if name.endswith(".toml"):
+            (tmp_path / name).write_text(text)
+    rig("run", "procedure.toml", "--bench", "bench.toml", "--dry", "--create-only", cwd=tmp_path)
+    for name in BLOCKS:
+        (tmp_path / name).unlink(missing_ok=True)
+    (run,) = (tmp_path / "runs").glob("*.sqlite")
+    assert rig("service", run, "--user", cwd=tmp_path).returncode == 0
+    done = rig("resume", run, cwd=tmp_path)
+    assert "complete: 6 of 6 points" in done.stderr
+    for command in ("verify", "status", "export"):
+        done = rig(command, run, *(["--out", "table.csv"] if command == "export" else []), cwd=tmp_path)
+        assert done.returncode == 0, (command, done.stdout, done.stderr)
+
+
 @pytest.mark.parametrize("form", re.findall(r"`(\{[^`]*\})` \|", TEXT))
 def test_its_forms_are_forms(form):
     assert Form(form).parts

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from rig.bench.config import BenchConfig, parse_bench
+from rig.bench.config import BenchConfig
+from rig.bench.contract_files import bench_of_run
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.fitter.arrays import FloatArray
 from rig.fitter.budget import NEAR_95, Budgeted, Check, Influence, Shapes, TypeA, budgets, monte_carlo
@@ -185,7 +186,7 @@ def checked_run(path: Path, equipment: Path | None = None) -> Checked:
     where = str(equipment) if equipment is not None else f"{path} ({DOCUMENT})"
     if "bench.toml" not in documents:
         raise UsageError(f"{path} has no bench file, which says what reads what: no budget can be made of it")
-    config = parse_bench(documents["bench.toml"], f"{path} (bench.toml)", strict=False)
+    config = bench_of_run(documents, str(path))
     return checked_with(table, config, register, identities, where, reasons)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from statistics import median
 from typing import Any
 
@@ -167,7 +167,8 @@ class Evidence:
         assert index is not None
         setpoints = self._case.run_list.points[index].setpoints
         if last is not None and not event.rejected and "frozen" not in event.flags:
-            yield from _hanging(event, last[1], moved=tuple(last[0]) != tuple(setpoints))
+            moved = tuple(last[0]) != tuple(setpoints)
+            yield from _hanging(event, last[1], self._case.may_repeat, moved=moved)
         self._last = setpoints, event
         yield from self._marks(record, event)
         self._note_chambers(event)
@@ -229,9 +230,13 @@ class Evidence:
             self.doubts = [f"{chamber} {what} at {n} observation(s)" for chamber, (n, what) in self._off.items()]
 
 
-def _hanging(event: Observed, before: Observed, *, moved: bool) -> Iterator[str]:
-    """Check that an output that repeats its previous reading to the last digit is flagged, or not accepted."""
+def _hanging(event: Observed, before: Observed, coarse: Set[str], *, moved: bool) -> Iterator[str]:
+    """Check that an output that repeats its previous reading to the last digit is flagged, or not accepted. That of a
+    coarse display may.
+    """
     for name, channel in event.outputs.items():
+        if name in coarse:
+            continue
         then = before.outputs.get(name, {}).get("readings")
         if then and set(channel["readings"]) == {then[-1]} and (moved or len(set(then)) > 1):
             yield f"{name} repeats its reading of the observation before, to the last digit, and is not marked"

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol, cast
 
-from rig.bench.config import BenchConfig, parse_bench, parse_procedure
-from rig.bench.plugins import driver_class
+from rig.bench.config import BenchConfig, parse_procedure
+from rig.bench.contract_files import bench_of_run
+from rig.bench.plugins import driver_class, may_repeat
 from rig.bench.typed import TypedColumn, typed_columns
 from rig.drivers.roles import ByHand
 from rig.errors import ConfigurationError
@@ -58,6 +59,15 @@ class RecordedRun:
     def conduct(self) -> Conduct | None:
         """Planned approach and reading of its points; None if the procedure cannot be read."""
         return None if self.procedure is None else self.procedure.conduct
+
+    @cached_property
+    def may_repeat(self) -> frozenset[str]:
+        """Outputs whose readings may repeat to the last digit: those of a coarse display."""
+        if self.bench is None:
+            return frozenset()
+        instruments = self.bench.instruments
+        coarse = {name for name, one in instruments.items() if one.coarse or may_repeat(one.driver)}
+        return frozenset(f"{name}_{one.unit}" for name, one in self.bench.sensors.items() if one.reader in coarse)
 
     @cached_property
     def typed(self) -> Mapping[str, TypedColumn]:
@@ -117,7 +127,7 @@ def _procedure(documents: Mapping[str, str]) -> Procedure | None:
 
 def _bench(documents: Mapping[str, str]) -> BenchConfig | None:
     try:
-        return parse_bench(documents["bench.toml"], "bench.toml", strict=False)
+        return bench_of_run(documents, "run file")
     except (ConfigurationError, KeyError):
         return None
 
