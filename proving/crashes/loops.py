@@ -59,11 +59,11 @@ class Evaluations:
             self._traced[key] = self._trace(table, **options)
         return self._traced[key]
 
-    def consider(self, asked: First) -> Any:
+    def consider(self, asked: First, **how: Any) -> Any:
         """Possible further runs."""
-        key = (id(asked.traced), tuple(m.effect for q in asked.questions for m in q.members))
+        key = (id(asked.traced), tuple(m.effect for q in asked.questions for m in q.members), how.get("changes", True))
         if key not in self._considered:
-            self._considered[key] = consider(asked)
+            self._considered[key] = consider(asked, **how)
         return self._considered[key]
 
 

@@ -20,7 +20,7 @@ from rig.engine.session import Nobody, Observer, Outcome, Progress, Signals
 from rig.errors import BenchFault, RigError
 from rig.fitter.errors import FitError
 from rig.loop import products
-from rig.loop.decide import Decision, Left, decide, for_person
+from rig.loop.decide import Considers, Decision, Left, decide, for_person
 from rig.loop.findings import found_by_first, found_by_later
 from rig.loop.program import SUFFIX, LoopRun, Program
 from rig.loop.timeline import EVALUATION_S, Timeline
@@ -109,7 +109,7 @@ class Conductor:
     observer: Observer = field(default_factory=Nobody)
     site: Site = field(default_factory=Site)
     dry_gap_s: float = 120.0
-    considered: Callable[[First], Any] = consider
+    considered: Considers = consider
     certified: bool = True
     recorded: Callable[[str], None] = lambda _: None
     _begun: bool = False

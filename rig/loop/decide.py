@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from rig.bench.bench_file import playing
 from rig.drivers.roles import ByHand, Typing
 from rig.fitter.confirm import NOTHING
+from rig.procedures.plan.further_runs import Variation
 from rig.procedures.plan.settings import LoopSettings
 from rig.procedures.present.durations import duration
 from rig.runs.forecast import ALLOWANCE
@@ -17,6 +18,7 @@ from rig.verbs.confirm.proposal import HARDLY, LIKELY
 PARKING_H = 0.1
 """Time left for parking and evaluation after the last run, hours."""
 PERSON = "person"
+Considers = Callable[..., Sequence[Proposal]]
 _FOR_PERSON = 3
 """Maximum number of runs that are proposed to a person."""
 
@@ -74,19 +76,19 @@ def gain_per_h(run: Proposal) -> float:
     return run.told / questions / run.hours if run.hours > 0 else 0.0
 
 
-def needs_person(first: First, run: Proposal) -> bool:
+def needs_person(first: First, variation: Variation) -> bool:
     """Whether somebody has to be there for a run: for a change, for its own steps by hand, to set or to read."""
     asks = [*playing(first.bench, ByHand), *playing(first.bench, Typing)]
-    return bool(run.variation.person or asks or run.variation.procedure.expand().steps)
+    return bool(variation.person or asks or variation.procedure.expand().steps)
 
 
-def permitted(first: First, run: Proposal, allow: Sequence[str]) -> bool:
-    """Whether the loop may make a run: what differs is allowed, and the bench can set it."""
-    if run.variation.by_weather or run.variation.varies not in allow:
+def permitted(first: First, variation: Variation, allow: Sequence[str]) -> bool:
+    """Whether the loop may make a run: its difference is allowed, and the bench can set it."""
+    if variation.by_weather or variation.varies not in allow:
         return False
-    if run.variation.turned and not first.dry:
+    if variation.turned and not first.dry:
         return False  # nothing would tell whether somebody has turned the package before the run begins
-    return PERSON in allow or not needs_person(first, run)
+    return PERSON in allow or not needs_person(first, variation)
 
 
 def open_words(first: First) -> str:
@@ -108,7 +110,7 @@ def decide(
     told: Confirmed | None,
     bounds: LoopSettings,
     left: Left,
-    considered: Callable[[First], Sequence[Proposal]] = consider,
+    considered: Considers = consider,
 ) -> Decision:
     """The next step.
 
@@ -134,43 +136,42 @@ def decide(
             None, f"every effect has one explanation, which is enough by stop_when = 'explained': {words}", settled
         )
     asked = replace(asked, begins_s=first.begins_s)
-    runs = propose(considered(asked))
-    mine = [run for run in runs if permitted(first, run, left.allow)]
-    short = [run for run in mine if run.hours <= left.most_h]
-    if mine and not short:
-        again = propose(considered(replace(asked, most_h=left.most_h)))
-        short = [run for run in again if permitted(first, run, left.allow) and run.hours <= left.most_h]
-    later = tuple(run for run in runs if run not in short and not run.variation.by_weather)[:_FOR_PERSON]
-    time = duration(3600.0 * max(left.hours, 0.0))
     if left.runs < 1:
-        return Decision(
-            None, f"{words}; all runs that most_runs permits have been made", settled=settled, for_person=later
-        )
-    if not mine:
-        return Decision(
-            None, f"{words}; no run that the bench makes by itself would decide it", settled=settled, for_person=later
-        )
+        why = f"{words}; all runs that most_runs permits have been made"
+        return Decision(None, why, settled, _for_person(asked, considered))
+
+    def mine(within: First) -> list[Proposal]:
+        runs = considered(within, only=lambda one: permitted(first, one, left.allow), changes=PERSON in left.allow)
+        return [run for run in propose(runs) if permitted(first, run.variation, left.allow)]
+
+    runs = mine(asked)
+    short = [run for run in runs if run.hours <= left.most_h]
+    if runs and not short:
+        short = [run for run in mine(replace(asked, most_h=left.most_h)) if run.hours <= left.most_h]
+    time = duration(3600.0 * max(left.hours, 0.0))
+    if not runs:
+        why = f"{words}; no run that the bench makes by itself would decide it"
+        return Decision(None, why, settled, _for_person(asked, considered))
     if not short:
-        least = min(mine, key=lambda run: run.hours)
-        return Decision(
-            None,
-            f"{words}; {time} are left, and the shortest run that may decide it takes {duration(3600.0 * least.hours)}",
-            settled=settled,
-            for_person=later,
-        )
+        least = min(runs, key=lambda run: run.hours)
+        takes = f"the shortest run that may decide it takes {duration(3600.0 * least.hours)}"
+        return Decision(None, f"{words}; {time} are left, and {takes}", settled, _for_person(asked, considered))
     best = short[0]
     what = f"{best.variation.what}, {best.size}, takes {duration(3600.0 * best.hours)} of {time}"
     gain = gain_per_h(best)
     if gain < bounds.least_gain:
-        return Decision(
-            None,
+        why = (
             f"{words}; the best run ({what}) settles an open question with a probability of {gain:.3f} per hour, less "
-            f"than least_gain = {bounds.least_gain:g}",
-            settled=settled,
-            for_person=later,
+            f"than least_gain = {bounds.least_gain:g}"
         )
+        return Decision(None, why, settled, _for_person(asked, considered))
     said = f"and settles everything with {best.least.chance:.0%}" if best.likely else f"and {_settles(best)}"
-    return Decision(best, f"{words}; {what} {said} ({gain:.2f} per hour)", settled=settled, for_person=later)
+    return Decision(best, f"{words}; {what} {said} ({gain:.2f} per hour)", settled)
+
+
+def _for_person(asked: First, considered: Considers) -> tuple[Proposal, ...]:
+    """The best runs that a person, or more time, would make possible."""
+    return tuple(run for run in propose(considered(asked)) if not run.variation.by_weather)[:_FOR_PERSON]
 
 
 def _settles(run: Proposal) -> str:
@@ -190,7 +191,9 @@ def for_person(first: First, runs: Sequence[Proposal]) -> Iterator[tuple[str, st
     for run in runs:
         steps = [step.words for step in run.variation.steps]
         turn = ["mount the package as the procedure says"] if run.variation.turned else []
-        own = ["be there for its steps by hand"] if needs_person(first, run) and not steps and not turn else []
+        own = (
+            ["be there for its steps by hand"] if needs_person(first, run.variation) and not steps and not turn else []
+        )
         chances = [
             f"{_pair(pair)} with {chance:.0%}"
             for one in run.separations

@@ -269,9 +269,10 @@ AMPLE = Left(hours=10.0, runs=3, allow=BOUNDS.allow)
     ],
 )
 def test_why_no_further_run_is_made(bounds: Any, left: Any, why: str, first: Any, evaluations: Evaluations):
-    def slow(asked: Any) -> Any:
+    def slow(asked: Any, **how: Any) -> Any:
         return [
-            replace(one, hours=8.0 if bounds.get("least_gain") else one.hours) for one in evaluations.consider(asked)
+            replace(one, hours=8.0 if bounds.get("least_gain") else one.hours)
+            for one in evaluations.consider(asked, **how)
         ]
 
     decision = decide(first, None, BOUNDS.model_copy(update=bounds), replace(AMPLE, **left), slow)
@@ -286,10 +287,10 @@ def test_the_best_run_that_the_bench_makes_alone_is_made_and_others_are_left_to_
     runs = list(evaluations.consider(first))
     turned = replace(runs[0], variation=replace(runs[0].variation, turned=True))
     weather = replace(runs[0], variation=replace(runs[0].variation, by_weather=True))
-    decision = decide(first, None, BOUNDS, AMPLE, lambda _: [weather, turned, *runs])
+    decision = decide(first, None, BOUNDS, AMPLE, lambda _, **_how: [weather, turned, *runs])
     assert decision.run is runs[0]
-    assert turned in decision.for_person
-    assert weather not in decision.for_person
+    left = replace(AMPLE, runs=0)
+    assert decide(first, None, BOUNDS, left, lambda _, **_how: [weather, turned, *runs]).for_person[0] is turned
 
 
 # --- time -------------------------------------------------------------------------------------------------------------

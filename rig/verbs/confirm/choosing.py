@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from rig.bench.bench_file import playing
@@ -44,11 +44,11 @@ class OfPoints:
         return first.confirming.chosen(self.whole, self.choice.better.units)
 
 
-def groups_of(first: First) -> list[list[Variation]]:
-    """Possible runs that differ in size only, from the smallest to the largest."""
+def groups_of(first: First, only: Callable[[Variation], bool] = lambda _: True) -> list[list[Variation]]:
+    """Possible runs that differ in size only, from the smallest to the largest; `only` selects among them."""
     groups: dict[str, list[Variation]] = {}
     for variation in possible(_further_runs(first), first.bench.limits):
-        if not first.confirming.suits(variation, first.questions):
+        if not only(variation) or not first.confirming.suits(variation, first.questions):
             continue
         standing = first.confirming.standing(variation)
         if first.most_h == math.inf or first.confirming.hours(standing, standing.procedure.expand()) <= first.most_h:

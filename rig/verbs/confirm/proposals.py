@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from rig.fitter.confirm import NOTHING, Pair, Points
 from rig.fitter.effects.entry import Entry
 from rig.fitter.effects.manual_changes import Change
-from rig.procedures.plan.further_runs import with_step
+from rig.procedures.plan.further_runs import Variation, with_step
 from rig.procedures.present.durations import duration
 from rig.verbs.confirm.choosing import STEP, best, groups_of
 from rig.verbs.confirm.first import First
@@ -20,7 +20,13 @@ CHANGED = 3
 """
 
 
-def consider(first: First, choice: type[Points] | None = Points) -> tuple[Proposal, ...]:
+def consider(
+    first: First,
+    choice: type[Points] | None = Points,
+    *,
+    only: Callable[[Variation], bool] = lambda _: True,
+    changes: bool = True,
+) -> tuple[Proposal, ...]:
     """The most informative run per cost of every kind; the best of all first.
 
     Runs with a change by a person are considered for the pairs that no setting of the bench separates.
@@ -28,12 +34,16 @@ def consider(first: First, choice: type[Points] | None = Points) -> tuple[Propos
     Args:
         first: the traced run.
         choice: how the points of runs are chosen; None for whole designs only.
+        only: whether a variation is considered.
+        changes: whether changes by a person are considered.
     """
-    groups = {best(first, group, choice): group for group in groups_of(first)}
+    groups = {best(first, group, choice): group for group in groups_of(first, only)}
     proposals = ordered(groups)
-    changes = {change.word: change for one in inseparable(first, proposals) for change in changes_for(first, one.pair)}
+    if not changes:
+        return tuple(proposals)
+    made = {change.word: change for one in inseparable(first, proposals) for change in changes_for(first, one.pair)}
     likely = [groups[proposal] for k, proposal in enumerate(proposals) if k < CHANGED or proposal.variation.untouched]
-    for change in changes.values():
+    for change in made.values():
         proposals += [best(first, [with_step(variation, change) for variation in group], choice) for group in likely]
     return tuple(ordered(proposals))
 
