@@ -31,6 +31,11 @@ COMMANDS = {
         "rig.cli.loop",
         "Run a procedure, find and confirm what its model lacks by further runs, and calibrate, until a time.",
     ),
+    "queue": Entry(
+        _RUNNING,
+        "rig.cli.queue",
+        "Carry out runs and loops one after the other on a bench, several benches at once.",
+    ),
     "doctor": Entry(
         _RUNNING,
         "rig.cli.doctor",

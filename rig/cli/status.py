@@ -78,7 +78,7 @@ def check_code(state: RunState, run_file: Path) -> ExitCode:
 
 def list_runs(folder: Path, *, as_json: bool, check: bool) -> int:
     """Show the runs of a folder, newest first. With `check` the code is that of the first incomplete one."""
-    paths = sorted(folder.glob("*.sqlite"), key=_changed, reverse=True)
+    paths = sorted((one for one in folder.glob("*.sqlite") if one.name != "queue.sqlite"), key=_changed, reverse=True)
     if not paths:
         raise UsageError(f"there are no run files in {folder}")
     rows, codes = [], []

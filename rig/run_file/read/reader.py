@@ -160,8 +160,8 @@ class RunReader:
 
     def _point_rows(self, factors: Sequence[Factor]) -> Iterator[list[Any]]:
         """Points as (index, replication, whole plot, setpoints..., sides...)."""
-        names = ", ".join([f'"{f.name}"' for f in factors] + [f'"{f.name}_side"' for f in factors])
-        return self._slices(f"run_index, replication, whole_plot, {names} FROM point")
+        names = [f'"{f.name}"' for f in factors] + [f'"{f.name}_side"' for f in factors]
+        return self._slices(f"{', '.join(['run_index', 'replication', 'whole_plot', *names])} FROM point")
 
     def genesis(self) -> Record:
         """The first record, which defines the run."""

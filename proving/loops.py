@@ -1,0 +1,202 @@
+"""Loops in simulated worlds with one undeclared effect: is the true cause confirmed by morning, and at what cost?
+
+python -m proving.loops [--loops 10] [--seed 1] [--kind voltmeter|load-cell|attitude|pressure] [--jobs 2]
+
+Each loop is a dry one of 14 h in a world of its own seed and size of the effect, without a certificate. Printed of
+each kind: loops whose effect the trace found; with the true cause confirmed, left open, or a wrong one confirmed;
+errors on the further runs with the declared model and with the effects, over the scatter of a row; bench hours over
+those of the whole design twice.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import random
+import statistics
+import sys
+import tempfile
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from proving.crashes.loops import Silent
+from rig.bench.config import parse_toml
+from rig.drivers.clock import RealClock
+from rig.engine.session import Signals
+from rig.examples import example
+from rig.files.toml_text import toml_text
+from rig.loop import start_loop
+from rig.verbs.confirm import judge, open_traced
+
+HOURS = 14.0
+Values = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class World:
+    """One loop's world.
+
+    Attributes:
+        bench: values of the bench file, with `procedure` and `truth`.
+        true: names of explanations that are right.
+    """
+
+    bench: Values
+    procedure: Values
+    truth: Values
+    true: frozenset[str]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Figures of one loop; None where no further run was made."""
+
+    found: bool
+    verdict: str
+    holds: str
+    before: float | None
+    after: float | None
+    hours: float
+
+
+def _lab(name: str, seed: int, procedure: str = "procedure.toml") -> tuple[Values, Values, Values, random.Random]:
+    folder = example(name)
+    files = (folder / one for one in ("bench.toml", procedure, "world.toml"))
+    bench, plan, truth = (parse_toml(one.read_text(encoding="utf-8"), one.name) for one in files)
+    return bench, {**plan, "seed": seed}, {**truth, "seed": 1000 + seed}, random.Random(seed)
+
+
+def voltmeter(seed: int) -> World:
+    """Two of six ranges have an offset of 30 to 100 uV, at a scatter of 15 uV of a reading."""
+    bench, procedure, truth, rng = _lab("voltmeter-lab", seed)
+    size = rng.uniform(3e-5, 1e-4)
+    truth["sensors"]["meter"]["hidden"] = f"{size!r}*min(max(1e6*(abs(input_V) - 12), 0), 1)"
+    return World(bench, procedure, truth, frozenset({"range-step:input_V"}))
+
+
+def load_cell(seed: int) -> World:
+    """The cell creeps, by 0.3 to 1.2 parts in a thousand; somebody is there to set the weights."""
+    bench, procedure, truth, rng = _lab("load-cell-lab", seed)
+    truth["sensors"]["cell"]["hidden"] = f"-{rng.uniform(0.00015, 0.0006)!r}*creep"
+    truth["lags"]["creep"]["time_constant_s"] = rng.uniform(120, 400)
+    return World(bench, procedure, truth, frozenset({"creep:force_kN"}))
+
+
+def attitude(seed: int) -> World:
+    """One sensor, pitch alone: soft pads, or an eccentric head, which look alike in the first run."""
+    bench, procedure, _, rng = _lab("attitude-lab", seed, "night.toml")
+    bench["sensors"] = {"x": bench["sensors"]["x"]}
+    procedure |= {"replications": 3, "design": {"type": "D", "pitch_deg": [20.0 * k - 180 for k in range(19)]}}
+    procedure["design"]["roll_deg"] = [0.0]
+    if seed % 2:
+        effects: Values = {"isolation_pad": {"pitch_compliance_deg_per_g": rng.uniform(5e-4, 1.2e-3)}}
+        true = "isolation-pad-deflection"
+    else:
+        head = {"axis": "pitch", "amplitude_arcsec": rng.uniform(1.5, 4.0), "periods_per_turn": 1.0}
+        effects, true = {"head_error": [head]}, "head-once-per-turn"
+    return World(bench, procedure, {"seed": 1000 + seed, "effects": effects}, frozenset({true}))
+
+
+def pressure(seed: int) -> World:
+    """Transducers with a cubic term, in a shorter design."""
+    bench, procedure, truth, _ = _lab("pressure-lab", seed)
+    procedure["design"] |= {"centre": 2}
+    return World(bench, procedure, truth, frozenset({"pressure-third-order"}))
+
+
+KINDS: dict[str, Callable[[int], World]] = {
+    "voltmeter": voltmeter, "load-cell": load_cell, "attitude": attitude, "pressure": pressure,
+}  # fmt: skip
+
+
+def one_loop(kind: str, seed: int) -> Outcome:
+    """Conduct a loop; its figures."""
+    world = KINDS[kind](seed)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        bench = {**world.bench}
+        for file, values in (("bench", bench), ("procedure", world.procedure), ("world", world.truth)):
+            (folder / f"{file}.toml").write_text(toml_text(values), encoding="utf-8")
+        (folder / "procedure.toml").write_text(
+            toml_text(world.procedure | {"loop": {"allow": _allowed(kind)}}), encoding="utf-8"
+        )
+        for register in example(_LABS[kind]).glob("equipment.toml"):
+            (folder / register.name).write_bytes(register.read_bytes())
+        ending = start_loop(
+            folder / "procedure.toml", folder / "bench.toml", folder, hours=HOURS if kind != "pressure" else 72.0,
+            dry=True, world=folder / "world.toml", announce=lambda _path, _plan: None, signals=Signals(),
+            on_progress=lambda _: None, told=Silent(), certified=False,
+        )  # fmt: skip
+        program = ending.program
+        runs = [run.ended.took_s for run in program.runs if run.ended is not None]
+        hours = sum(runs) / (2.0 * runs[0])
+        first = open_traced(program.file_of(program.runs[0]))
+        found = any(set(_names(q)) & world.true for q in first.questions)
+        if not program.further:
+            return Outcome(found, "no further run", "", None, None, hours)
+        told = judge(first, *program.further)
+        settled = [one for one in told.answers if one.verdict in ("confirmed", "replaced")]
+        right = [one for one in settled if set(one.holding[0].split(" with ")) <= world.true]
+        verdict = "right" if right and len(right) == len(settled) else "wrong" if settled else "open"
+        errors = told.judged.errors.values()
+        worst = max(errors, key=lambda one: one.before / one.sigma)
+        holds = "; ".join(f"{one.effect}: {one.verdict} {'/'.join(one.holding)}" for one in told.answers)
+        return Outcome(found, verdict, holds, worst.before / worst.sigma, worst.after / worst.sigma, hours)
+
+
+_LABS = {
+    "voltmeter": "voltmeter-lab",
+    "load-cell": "load-cell-lab",
+    "attitude": "attitude-lab",
+    "pressure": "pressure-lab",
+}
+
+
+def _median(values: Sequence[float]) -> float:
+    return statistics.median(values) if values else float("nan")
+
+
+def _names(question: Any) -> Sequence[str]:
+    return [member.effect for member in question.members]
+
+
+def _allowed(kind: str) -> list[str]:
+    return ["again", "order", "settings", "temperature", "wait", *(["person"] if kind != "pressure" else [])]
+
+
+def main() -> int:
+    """As the command line says."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--loops", type=int, default=10, help="loops of each kind")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--kind", choices=KINDS, action="append")
+    parser.add_argument("--jobs", type=int, default=2)
+    asked = parser.parse_args()
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    stopwatch = RealClock().stopwatch
+    seeds = range(asked.seed, asked.seed + asked.loops)
+    for kind in asked.kind or KINDS:
+        began = stopwatch()
+        with ProcessPoolExecutor(asked.jobs) as pool:
+            told = list(pool.map(one_loop, itertools.repeat(kind), seeds))
+        for seed, one in zip(seeds, told, strict=True):
+            print(f"  {kind} {seed}: found {one.found}, {one.verdict} ({one.holds}), bench hours {one.hours:.2f}")
+        before = [one.before for one in told if one.before is not None]
+        after = [one.after for one in told if one.after is not None]
+        words = ("right", "wrong", "open", "no further run")
+        counted = ", ".join(f"{word} {sum(one.verdict == word for one in told)}" for word in words)
+        print(
+            f"{kind}, seeds {seeds.start} to {seeds.stop - 1}: found {sum(one.found for one in told)}, {counted}; "
+            f"error over scatter, median {_median(before):.2f} before, {_median(after):.2f} after; bench hours of the "
+            f"whole design twice, median {_median([one.hours for one in told]):.2f}; {stopwatch() - began:.0f} s",
+            flush=True,
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
