@@ -168,7 +168,7 @@ def _sizes(columns: FloatArray) -> FloatArray:
 
 
 def by_side(
-    columns: FloatArray, basis: FloatArray, left: FloatArray, side: FloatArray
+    columns: FloatArray, basis: FloatArray, left: FloatArray, side: FloatArray, tests: int = 1
 ) -> tuple[FloatArray | None, FTest, FloatArray, FloatArray]:
     """Coefficients of both sides beside those of the fit, their test, residuals without them, the basis with them.
 
@@ -179,6 +179,7 @@ def by_side(
         basis: (n, p) orthonormal, of all that was fitted.
         left: (n,) residuals.
         side: (n,) +1 of a rising series, -1 of a falling one, 0 unknown or without series.
+        tests: number of such tests of one run, all of which together find a difference by chance in 5 % of runs.
 
     Returns:
         (2, k) coefficients of the rising, and of the falling series, less those of the fit, None if they do not
@@ -194,7 +195,7 @@ def by_side(
     if not own.shape[1] or df < 1 or below <= 0.0:
         return nothing
     test = FTest(float(np.sum((own.T @ left) ** 2)) / own.shape[1] / (below / df), own.shape[1], df)
-    if not test.p < DIFFER:
+    if not test.p * tests < DIFFER:
         return None, test, left, basis
     differs, size = reversed_by(columns, left, side, basis), _sizes(columns)
     away = np.linalg.lstsq(columns / size, halves @ differs, rcond=1e-9)[0] / size

@@ -16,7 +16,7 @@ import numpy as np
 from rig.fitter.budget import TypeA
 from rig.fitter.errors import FitError
 from rig.fitter.linear import orthonormal
-from rig.fitter.strata import DIFFER, by_side, reversed_by, sides_of
+from rig.fitter.strata import by_side, reversed_by, sides_of
 from rig.fitter.sums_of_squares import FTest, project_out
 from rig.procedures.attitude.data import AttitudeData, settings
 from rig.procedures.attitude.fit import AttitudeFit, fit_all
@@ -233,15 +233,16 @@ class AttitudeEvaluation(Evaluation):
         angles less those of the fit, if they differ.
         """
         d, found = self._data, []
+        sides = [(axis, np.asarray(one, np.float64)) for axis, one in (("pitch", d.pitch_side), ("roll", d.roll_side))]
+        tests = len(d.sensors) * sum(len(np.unique(side[side != 0.0])) > 1 for _, side in sides)
         h = attitude_columns(d.pitch_deg, d.roll_deg, roll=d.has_roll)
         for i, (name, left) in enumerate(self.residuals({}).items()):
             every = h
             if self._temperature:
                 every = self._with_warmth(h, self.columns[SENSOR_TEMPERATURE] - self._reference, name)
             basis = orthonormal(every)
-            for axis, given in (("pitch", d.pitch_side), ("roll", d.roll_side)):
-                side = np.asarray(given, np.float64)
-                differs, test, _, _ = by_side(h, basis, project_out(left, basis), side)
+            for axis, side in sides:
+                differs, test, _, _ = by_side(h, basis, project_out(left, basis), side, tests)
                 if (held := self._by_side(name, axis)) is not None:
                     more = sides_of(reversed_by(h, held, side, basis))
                     differs = more if differs is None else differs + more
@@ -308,7 +309,7 @@ class AttitudeEvaluation(Evaluation):
         """Sentences about the scatter."""
         drift = told_of_drift({one.name: self._fits[one.name].replication for one in self._plain.sensors})
         yield from (words for words in (drift, *(one.sentence(name) for name, one in self._scatter.items())) if words)
-        yield from (in_words(name, test) for name, test, _ in self._sides if test.p < DIFFER)
+        yield from (in_words(name, test) for name, test, differs in self._sides if differs is not None)
 
 
 def _solve(h: FloatArray, y: FloatArray) -> FloatArray:

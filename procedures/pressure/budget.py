@@ -13,7 +13,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
-from rig.fitter.strata import DIFFER, by_side, reversed_by, sides_of
+from rig.fitter.strata import by_side, reversed_by, sides_of
 from rig.fitter.sums_of_squares import FTest, project_out
 from rig.procedures.evaluate.budget_by_sensor import EvaluationBySensor
 from rig.procedures.evaluate.budgeting import OF_PLOTS, Shift, Shifts
@@ -143,8 +143,12 @@ class Transducer:
         each = 1.0 / self.calibration.errors.subplot_sd(data.pressure_psia)
         columns = each[:, None] * self.fit.problem.formula.columns(data.table)[1]
         inside = (data.whole_plot[:, None] == data.whole_plots) * each[:, None]
-        basis, side = orthonormal(np.column_stack([inside, columns])), data.pressure_side.astype(np.float64)
-        found, test, _, _ = by_side(columns, basis, project_out(each * data.outputs[self.name], basis), side)
+        # the ends of the range are reached from one side each: a curve that the model lacks is none of the sides
+        levels, level = data.pressure_levels
+        at_level = (level[:, None] == np.arange(len(levels))) * each[:, None]
+        basis, side = orthonormal(np.column_stack([inside, columns, at_level])), data.pressure_side.astype(np.float64)
+        left = project_out(each * data.outputs[self.name], basis)
+        found, test, _, _ = by_side(columns, basis, left, side, len(data.outputs))
         if self.by_side is not None:
             more = sides_of(reversed_by(columns, each * self.by_side, side, basis))
             found = more if found is None else found + more
@@ -192,7 +196,7 @@ class PressureEvaluation(EvaluationBySensor):
 
     def notes(self) -> Iterable[str]:
         """Sentences about the scatter."""
-        return (in_words(one.name, one.sides[1]) for one in self._each if one.sides[1].p < DIFFER)
+        return (in_words(one.name, one.sides[1]) for one in self._each if one.sides[0] is not None)
 
     @cached_property
     def columns(self) -> Columns:

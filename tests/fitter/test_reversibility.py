@@ -27,13 +27,17 @@ OF_LOOP = np.array([0.36, 1.0, 0.36])
 """Share of the widest place of the loop, 4 P (5 - P) / 25, at these pressures."""
 
 
-def _whole_plots(seed: int, loop_mV: float) -> WholePlotData:
-    """18 whole plots, pressures up and down in each; the loop is widest at half range."""
+def _whole_plots(seed: int, loop_mV: float, cubic_mV: float = 0.0) -> WholePlotData:
+    """18 whole plots, pressures up and down in each; the loop is widest at half range. With a cubic that the model
+    lacks, pressures are in random order.
+    """
     rng, columns = np.random.default_rng(seed), []
-    P = np.concatenate([RISING, RISING[-2::-1]])
-    side = np.array([0.0, *np.sign(np.diff(P))])
     for plot, (sensor, sse) in enumerate(2 * TEMPERATURES):
-        mV = 1.0 + (20.0 + 0.002 * sensor) * P + 0.02 * P**2 + 0.001 * sensor + 0.0005 * sse
+        P = np.concatenate([RISING, RISING[-2::-1]])
+        P = rng.permutation(P) if cubic_mV else P
+        side = np.array([0.0, *np.sign(np.diff(P))])
+        mV = cubic_mV * (P / 5.0) ** 3
+        mV += 1.0 + (20.0 + 0.002 * sensor) * P + 0.02 * P**2 + 0.001 * sensor + 0.0005 * sse
         mV += 0.01 * rng.normal() + 0.004 * rng.normal(size=len(P)) - side * loop_mV / 2 * P * (5.0 - P) * 4 / 25
         each = np.ones(len(P))
         columns.append([plot * each, P, sensor * each, sse * each, mV, plot // 9 * each])
@@ -69,6 +73,13 @@ def test_transducers_without_a_loop_have_none_but_for_one_in_twenty():
     ]
     print("seeds with a line:", found)
     assert len(found) <= 6  # of 40 at 5 %, more in one of 80
+
+
+def test_a_curve_that_the_model_lacks_is_no_loop():
+    """The ends of the range are reached from one side each: seven transducers with a cubic had a loop each, p 1e-12."""
+    found = [PressureEvaluation(_whole_plots(seed, 0.0, cubic_mV=0.3), "full", AT) for seed in range(10)]
+    assert sum(bool(list(one.reversibility())) for one in found) <= 2
+    assert not any("rising and falling" in note for one in found[:1] for note in one.notes())
 
 
 def _pitch_run(seed: int, side_V: float) -> AttitudeData:
@@ -107,13 +118,14 @@ def test_hysteresis_of_an_attitude_sensor_has_a_line_by_the_declared_and_the_tra
     assert all("z_V" not in name for name in lines) or kind is AttitudeEvaluation
 
 
-def test_attitude_sensors_without_hysteresis_have_none_but_for_one_in_twenty():
+def test_attitude_sensors_without_hysteresis_have_none_but_in_one_of_twenty_laboratories():
+    """Each test was at 5 %: of six of a run one found a loop by chance in one laboratory of four."""
     found = []
     for seed in range(30):
         one = AttitudeEvaluation(_pitch_run(seed, 0.0), [(30.0, 45.0)], temperature=False, gravity=None)
         found += [(seed, line.name) for line in one.reversibility()]
     print("seeds with a line:", found)
-    assert len(found) <= 11  # of 120 at 5 %, more in one of 30
+    assert len({seed for seed, _ in found}) <= 4  # of 30 at 5 %, more in one of 65
 
 
 LEVELS = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
