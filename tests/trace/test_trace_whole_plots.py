@@ -546,3 +546,15 @@ def test_entries_are_complete(effect):
         if other is not effect:
             # no rule is missing: what is left would be the alias' experiment, which differs from one way to the other
             assert separate_pressure(effect, other) == separate_pressure(other, effect)
+
+
+def test_the_time_constant_of_a_creep_has_an_interval():
+    """Its size had one. The truth's element has 0.3 h; the catalogue has 0.15 and 0.5 h."""
+    bench = Bench((replace(Transducer(), creep=4e-3, creep_h=0.3),))
+    for seed in (3, 6):
+        (effect,) = trace_whole_plots(simulate(bench, seed=seed), validate=False).sensors[ONE].effects
+        (constant,) = effect.constants
+        low, high = constant["interval_95"]
+        assert low < 0.3 * 3600.0 < high < 10.0 * low
+        assert low < constant["estimate"] < high
+        assert constant["name"] == "time constant"

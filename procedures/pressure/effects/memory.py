@@ -44,8 +44,12 @@ def _lag(name: str, step: Callable[[PressureScene], FloatArray]) -> Callable[...
     def gain(tau_h: float) -> Callable[[PressureScene], FloatArray]:
         return lambda scene: scene.p * left(tau_h)(scene)
 
-    of_offset = (PressureTerm(f"d{name}*exp(-t/{tau_h:g}h)", left(tau_h), unit="mV/degC") for tau_h in LAGS_H)
-    of_gain = (PressureTerm(f"P*d{name}*exp(-t/{tau_h:g}h)", gain(tau_h), unit="mV/psi/degC") for tau_h in LAGS_H)
+    of_offset = (
+        PressureTerm(f"d{name}*exp(-t/{tau_h:g}h)", left(tau_h), "", "mV/degC", (tau_h, left)) for tau_h in LAGS_H
+    )
+    of_gain = (
+        PressureTerm(f"P*d{name}*exp(-t/{tau_h:g}h)", gain(tau_h), "", "mV/psi/degC", (tau_h, gain)) for tau_h in LAGS_H
+    )
     whole = PressureTerm(f"P*d{name}", lambda scene: scene.p * step(scene), unit="mV/psi/degC")
     terms = (*of_offset, *of_gain, PressureTerm(f"d{name}", step, unit="mV/degC"), whole)
     return lambda _data: terms

@@ -260,12 +260,14 @@ class PressureTerm:
         column: (n,) in the unit that makes the coefficient the effect's; psi for effects of the line.
         formula: the same as a term of `rig.fitter.formula`, up to terms of lower order; empty if there is none.
         unit: of its coefficient, if the effect's terms have different units; otherwise empty.
+        constant: its time constant, h, and the column for another one; None without a time constant.
     """
 
     name: str
     column: Callable[[PressureScene], FloatArray]
     formula: str = ""
     unit: str = ""
+    constant: tuple[float, Callable[[float], Callable[[PressureScene], FloatArray]]] | None = None
 
 
 @dataclass(frozen=True)
@@ -305,12 +307,18 @@ class PressureEffect(Entry):
             raise FitError(f"effect {self.name}: the bound of a PressureEffect is at_most, not largest")
 
 
-def settling(tau_h: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
-    """Name and column of the difference between pressure and an element with this time constant."""
-    return f"P({tau_h:g}h)-P", lambda scene: scene.behind(tau_h)
+def settling(tau_h: float) -> PressureTerm:
+    """The difference between pressure and an element with this time constant."""
+
+    def column(tau_h: float) -> Callable[[PressureScene], FloatArray]:
+        return lambda scene: scene.behind(tau_h)
+
+    return PressureTerm(f"P({tau_h:g}h)-P", column(tau_h), constant=(tau_h, column))
 
 
-def fixed(*terms: tuple[str, Callable[[PressureScene], FloatArray]]) -> Callable[..., tuple[PressureTerm, ...]]:
+def fixed(
+    *terms: PressureTerm | tuple[str, Callable[[PressureScene], FloatArray]],
+) -> Callable[..., tuple[PressureTerm, ...]]:
     """Terms that are equal for every run."""
-    entries = tuple(PressureTerm(*term) for term in terms)
+    entries = tuple(one if isinstance(one, PressureTerm) else PressureTerm(*one) for one in terms)
     return lambda _data: entries

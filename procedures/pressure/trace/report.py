@@ -52,6 +52,7 @@ from rig.procedures.pressure.trace.remainder import (
 from rig.procedures.pressure.trace.result import FoundPressureEffect, Side, TransducerTrace
 from rig.procedures.pressure.trace.settle import Settled
 from rig.procedures.pressure.trace.some_plots import in_some_plots
+from rig.procedures.pressure.trace.time_constants import time_constant
 from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 
 DIFFERENT = 0.01
@@ -292,6 +293,7 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         contribution_mV=finding.every.raw[i][:, mine] @ values,
         peak_mV=peak,
         peak_psi=psi,
+        constants=tuple(time_constant(problem, replace(finding.scene, data=finding.data), after.chosen, mine)),
     )
 
 

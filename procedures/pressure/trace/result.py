@@ -32,6 +32,7 @@ class FoundPressureEffect(Found):
         contribution_mV: (n,) its contribution to the output of each reading; zero for a finding about noise.
         peak_mV: largest size of the part that the refitted declared model cannot absorb; for noise its largest sd.
         peak_psi: the same as pressure.
+        constants: its time constant as JSON values, if it has one.
     """
 
     formulas: tuple[str, ...]
@@ -40,6 +41,7 @@ class FoundPressureEffect(Found):
     contribution_mV: FloatArray
     peak_mV: float
     peak_psi: float
+    constants: tuple[dict[str, JsonValue], ...] = ()
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -70,6 +72,7 @@ class FoundPressureEffect(Found):
             "rms_mV": float(np.sqrt(np.mean(self.contribution_mV**2))),
             "peak_mV": self.peak_mV,
             "peak_psi": self.peak_psi,
+            **({"constants": [dict(one) for one in self.constants]} if self.constants else {}),
         }
 
 

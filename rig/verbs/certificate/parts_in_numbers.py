@@ -278,7 +278,8 @@ def effects(
                         size += f"; by both runs {ends(mine, outcome.sensor).replace(f' ({outcome.sensor})', '')}"
                     elif told:
                         of_both = told.removesuffix(BY_BOTH)
-                        size += f"; by {'the further run' if of_both == told else 'both runs'} {of_both}"
+                        which = "the further run" if len(files) < 2 else "the further runs"
+                        size += f"; by {which if of_both == told else 'both runs'} {of_both}"
             cause = one.cause.partition(": ")[0].partition("; ")[0].replace(outcome.sensor, "the output")
             yield Effect(sensor, one.effect, cause, size, confirms, how, stage, one.shared or "")
 
