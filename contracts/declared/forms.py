@@ -109,7 +109,8 @@ class Field:
             value = round(value)
         elif self.decimals >= 0:
             value = round(value, self.decimals) + 0.0 if self.kind != "e" else value
-        decimals = f".{self.decimals}" if self.decimals >= 0 and self.kind not in ("d", "x") else ""
+        digits = 9 if self.decimals < 0 and self.kind == "e" else self.decimals
+        decimals = f".{digits}" if digits >= 0 and self.kind not in ("d", "x") else ""
         if self.kind or self.decimals >= 0:
             kind = {"": "f", "e": "E", "d": "d", "x": "X"}[self.kind]
             align = "<" if self.left else ""

@@ -217,19 +217,24 @@ class Instrument(Strict):
     @property
     def coarse(self) -> bool:
         """Whether its readings have a step that is declared, so that they may repeat to the last digit."""
-        if self.reader is not None and self.reader.resolution:
-            return True
+        return self.step > 0.0
+
+    @property
+    def step(self) -> float:
+        """Largest step of its readings that is declared; 0 if none is."""
         read = [self.source.read] if self.source is not None else []
         if self.reader is not None:
             read += [self.reader.reading, self.reader.fetch, *(one.reading for one in self.reader.channels.values())]
-        return any(self._stepped(ask) for ask in read if ask is not None)
+        own = self.reader.resolution if self.reader is not None else 0.0
+        return max([own, *(self._step(ask) for ask in read if ask is not None)])
 
-    def _stepped(self, ask: Ask) -> bool:
-        """Whether the number in an answer has a step."""
+    def _step(self, ask: Ask) -> float:
+        """Step of the number in an answer; 0 if it is finer than any."""
         if self.modbus:
-            return (ask.type or self.wire.type) != "float32"
+            return 0.0 if (ask.type or self.wire.type) == "float32" else abs(ask.scale)
         fields = [field for form in ask.forms for field in Form(form).fields.values() if field.name != "mark"]
-        return any((field.decimals >= 0 and field.kind != "e") or field.kind in ("d", "x") for field in fields)
+        stepped = [f for f in fields if (f.decimals >= 0 and f.kind != "e") or f.kind in ("d", "x")]
+        return max((abs(ask.scale) * 10.0 ** -max(field.decimals, 0) for field in stepped), default=0.0)
 
     def asks(self) -> Iterator[tuple[str, Ask]]:
         """All its questions, with their place in the file."""

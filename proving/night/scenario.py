@@ -164,7 +164,10 @@ def draw(
     gaps = tuple(rng.choice((2.0, 30.0, 120.0, 700.0, 2000.0)) for _ in range(20))
     world_seed = rng.randrange(2**31)
     world = _world(world_seed, lab, tables["sensors"]) if any_lab is None else any_lab.world(world_seed, rng)
-    twins = {name: twin_class(str(one["driver"])) for name, one in tables["instruments"].items()}
+    # an instrument's file stands beside the bench file, by the driver's name there
+    texts = {name: f"{text}\n" for name, text in bench.items() if name != "bench.toml"}
+    drivers = {name: str(one["driver"]) for name, one in tables["instruments"].items()}
+    twins = {name: twin_class(texts.get(driver, driver)) for name, driver in drivers.items()}
     entries = [fault(rng, twins, rng.uniform(0.0, lasts)) for _ in range(faults)]
     if full:
         procedure = (folder / "procedure.toml").read_text(encoding="utf-8")

@@ -16,7 +16,7 @@ from rig.sims.world import World
 
 OVERLOAD = 9.9e37
 _INPUT = "input"
-_SECOND_WIND_S = 1e-6
+_SHORTEST_S = 1e-6
 
 
 class Refused(Exception):
@@ -94,7 +94,7 @@ class Behaviour:
         """Accuracy of readings of an input; `unit` is "V" or "degC"."""
         reader = self.table.reader
         assert reader is not None
-        return Accuracy(6.0 * reader.noise + reader.resolution / 2 + 1e-9)
+        return Accuracy(6.0 * reader.noise + 1e-9, self.table.step / 2)
 
     @property
     def prepared(self) -> bool:
@@ -174,6 +174,10 @@ class Behaviour:
                 return self._fetched()
         return self._read(place, ask, holes)
 
+    def takes_s(self, place: str) -> float:
+        """Time until the answer to a question can be given: that of a reading."""
+        return self.table.reader.reading_s if self.table.reader is not None and place.endswith("reading") else 0.0
+
     def _identity(self) -> dict[str, float | str]:
         return {
             "maker": self.table.maker or "SIMULATED",
@@ -237,7 +241,7 @@ class Behaviour:
             asked = next((n for n, one in channels.items() if (one.is_ or n) == said), "")
             if not asked:
                 raise Refused
-        t0 = self.world.now()
+        t0 = self.world.now() - reader.reading_s  # the reading that is now complete
         if asked or len(channels) == 1:
             name = asked or next(iter(channels))
             value = self._measured(name, t0)
@@ -246,12 +250,12 @@ class Behaviour:
             every = {one.field: self._measured(name, t0) for name, one in channels.items()}
             value, fields = every.get("value", nan), every
         over = abs(value) >= min(reader.overload, 1e37)
-        return Said(value, "overload" if over else "stable", {**fields, "mark": self._mark}, reader.reading_s)
+        return Said(value, "overload" if over else "stable", {**fields, "mark": self._mark})
 
     def _measured(self, name: str, t0: float) -> float:
         reader = self.table.reader
         assert reader is not None
-        t1 = t0 + max(reader.reading_s, _SECOND_WIND_S)
+        t1 = t0 + max(reader.reading_s, _SHORTEST_S)
         noise = reader.noise * normal(self.plant.truth.seed, f"{self.name}/{name}/converter", event_at(t0))
         degC = self.plant.channel_degC(self.name, name, t1)  # of the thermometer that it reads, if it reads one
         found = (degC if isfinite(degC) else self.plant.channel_V(self.name, name, t0, t1)) + noise

@@ -160,6 +160,8 @@ class LinesTwin(Behaviour):
                 return (self._acknowledged(what, holes), what.wait_s) if what.answer else None
             if what is None:
                 return None
+            if (takes_s := self.takes_s(place)) > 0:
+                return partial(self._later, place, what, holes), takes_s
             told = self.answers(place, what, holes)
             if told.after_s > 0:
                 return partial(self._later, place, what, holes), told.after_s
