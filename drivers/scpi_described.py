@@ -321,6 +321,7 @@ class Described(Remembering):
             InstrumentError: a line was refused.
             BadReply: a setting reads back differently.
         """
+        self._give_up()
         self._scpi.prepare()
 
     def wrong(self) -> Sequence[str]:

@@ -56,6 +56,9 @@ class Declared:
     def _begin(self) -> None:
         """State of a role at the start."""
 
+    def _give_up(self) -> None:
+        """Give up what is under way."""
+
     def identify(self) -> Identity:
         """Ask for the identity, once it is silent. Nothing else is sent, but for the wire's preamble.
 
@@ -89,6 +92,8 @@ class Declared:
             InstrumentError: a command was refused.
             BadReply: a setting reads back differently.
         """
+        self._talk.renew()
+        self._give_up()
         self._talk.forget_errors()
         for command in self.table.prepare:
             self._talk.tell(command)

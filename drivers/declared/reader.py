@@ -45,12 +45,6 @@ class DeclaredReader(Declared):
         """Unit of each channel's readings, by channel, as at the end of column names ("mV", "kN", "ohm")."""
         return {name: one.unit or self._reader.unit or "" for name, one in self._channels.items()}
 
-    def prepare(self) -> None:
-        """Give up what was under way, then prepare; see `Declared.prepare`."""
-        self._count = 0
-        self._give_up()
-        super().prepare()
-
     def learned(self) -> Mapping[str, str | int]:
         """Its knowledge: the form of its readings."""
         found = {f"{name} {key}": one for name, form in self._forms.items() for key, one in form.learned.items()}
@@ -215,10 +209,10 @@ class DeclaredReader(Declared):
     def make_safe(self) -> None:
         """A running measurement is given up; nothing else can do harm."""
         super().make_safe()
-        self._count = 0
         self._give_up()
 
     def _give_up(self) -> None:
+        self._count = 0
         self._talk.drain()
         for command in self._reader.abort:
             self._talk.tell(command, checked=False)

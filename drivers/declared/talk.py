@@ -69,6 +69,9 @@ class Talk(ABC):
     def forget_errors(self) -> None:  # noqa: B027
         """Forget errors that are nobody's."""
 
+    def renew(self) -> None:  # noqa: B027
+        """Begin anew: the instrument may have been off."""
+
     def drain(self) -> None:  # noqa: B027
         """Listen until it is silent."""
 

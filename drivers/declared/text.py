@@ -109,9 +109,9 @@ class TextTalk(Talk):
             for text in wire.preamble:
                 self.line.write(self._form(text).write({}))
             self.line.user = self
-            if wire.preamble and not self._begun:
+            if wire.preamble and not self._begun:  # it may stop a stream, or have an answer
                 self.line.drain()
-        self._begun = True
+                self._begun = True
 
     def _framed(self, line: str) -> str:
         if self._plain:
@@ -305,7 +305,14 @@ class TextTalk(Talk):
     def drain(self) -> None:
         """Listen until it is silent; one that talks by itself never is."""
         if self.table.wire.protocol != "stream":
+            self._begin()
             self.line.drain()
+
+    def renew(self) -> None:
+        """Send the preamble again before the next line: the instrument, or its adapter, may have been off."""
+        if self.line.user is self:
+            self.line.user = None
+        self._begun = False
 
     def close(self) -> None:
         """Release the wire; idempotent."""

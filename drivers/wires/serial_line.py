@@ -323,7 +323,7 @@ class SerialLine:
 
     def _reopened(self) -> Port:
         self._port = port = self._open()
-        self._out_of_step = True
+        self._out_of_step, self.user = True, None
         return port
 
     def _in_step(self) -> Port:
