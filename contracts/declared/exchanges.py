@@ -82,6 +82,11 @@ class Check(Ask):
 
     is_: float | str = Field(alias="is", description="its right answer: a number, or a text")
 
+    @property
+    def forms(self) -> tuple[str, ...]:
+        """Forms of its answer."""
+        return self.answer or (("{text}",) if isinstance(self.is_, str) and not self.words else super().forms)
+
 
 class Tell(Register):
     """A command. A text alone is a command without an answer."""

@@ -72,7 +72,8 @@ class Field:
             return TEXTS[self.name]
         if words and not self.number:
             known = "|".join(re.escape(word) for word in sorted(words, key=len, reverse=True))
-            return known if self.name.startswith("state") else f"{known}|{_ANY_NUMBER}"
+            numbers = any(re.fullmatch(_ANY_NUMBER, word) for word in words)
+            return f"{known}|{_ANY_NUMBER}" if numbers or not self.name.startswith("state") else known
         sign, digits = r"[+-]" if self.sign else "[+-]?", "{1,9}" if self.decimals < 0 else f"{{{self.decimals}}}"
         match self.kind:
             case "x":

@@ -111,6 +111,10 @@ class Reader(Strict):
     noise: float = Field(1e-6, ge=0, description="noise of the twin, standard deviation of a reading")
 
 
+_SWITCHED = {"1": "on", "0": "off", "ON": "on", "OFF": "off"}
+_ARRIVED = {"1": "stable", "0": "unstable"}
+
+
 class Source(Strict):
     """It sets one quantity: a bath, a chamber, a calibrator, a flow controller, a pressure controller."""
 
@@ -133,6 +137,19 @@ class Source(Strict):
     tolerance: float | None = Field(None, gt=0, description="without settled: largest distance of reading and setpoint")
     dwell_s: float = Field(1.0, ge=0, le=86400, description="time that it has been so, or since it was set")
     time_constant_s: float | None = Field(None, gt=0, le=1e6, description="how it approaches a setting, for forecasts")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain(cls, given: Any) -> Any:
+        """Numbers and words that need no explanation."""
+        if not isinstance(given, dict):
+            return given
+        found = dict(given)
+        for key, words in (("output", _SWITCHED), ("settled", _ARRIVED)):
+            one = {"ask": given[key]} if isinstance(given.get(key), str) else given.get(key)
+            if isinstance(one, dict) and not one.keys() & {"answer", "words", "bit"}:
+                found[key] = {**one, "words": words}
+        return found
 
     @property
     def step(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from rig.drivers.scpi_learned import same_unit
 from rig.drivers.wires import SerialLine, SerialSettings, Wires
 from rig.drivers.wires.serial_options import Flow
 
+_NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?")
 _PERIODS = 3  # a line that is torn, one that is lost, and one more
 _MOST_ERRORS = 32  # chosen: a queue that does not end is a garbled answer
 
@@ -216,7 +218,10 @@ class TextTalk(Talk):
                 if not agrees(text, holes[name]):
                     raise self.bad(ask, raw, f"{name} {holes[name]}: this is another one's answer")
             elif words and not field.number and name not in TEXTS:
-                meaning = meaning or self.meant(ask, text, None)
+                said = self.meant(ask, text, float(text) if _NUMBER.fullmatch(text) else None)
+                if not said and name.startswith("state"):
+                    raise self.bad(ask, raw, f"one of its words: {', '.join(words)}")
+                meaning = meaning or said
                 printed = text if ask.field not in fields or name == ask.field else printed
         if ask.field not in fields and len(fields) == 1:
             printed = next(iter(fields.values()))

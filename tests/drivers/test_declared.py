@@ -392,6 +392,27 @@ class TestFrames:
 
 
 class TestStates:
+    @pytest.mark.parametrize("word", ["ON", "1", "+1"])
+    def test_on_and_off_need_no_words(self, bench, word):
+        it = bench(BATH)
+        it.it.prepare()
+        it.it.set(20.0)
+        before = it.twin._carried_out
+        it.twin._carried_out = lambda line: (word, 0.0) if line == "in_mode_05" else before(line)
+        assert it.it.read().output
+
+    def test_a_word_for_neither_is_refused(self, bench):
+        it = bench(BATH)
+        before = it.twin._carried_out
+        it.twin._carried_out = lambda line: ("MAYBE", 0.0) if line == "in_mode_05" else before(line)
+        with pytest.raises(BadReply, match="answered 'MAYBE' to 'in_mode_05'"):
+            it.it.read()
+
+    def test_a_text_that_is_right_needs_no_form(self, bench):
+        it = bench(SCANNER.replace('answer = "{text}", is = "ON"', 'is = "ON"'))
+        it.it.prepare()
+        assert it.it.wrong() == ()
+
     def test_on_off_vent_and_a_bit_that_says_settled(self, bench):
         it = bench(VENTED)
         it.it.identify()
