@@ -169,6 +169,9 @@ class Source(Strict):
         return self.readback or max(self.step * 0.5000001, 1e-6 * max(abs(self.low or 0.0), abs(self.high or 0.0), 1.0))
 
 
+STAND_IN = "stand-in"
+"""What a table is about that stands in a dry run for an instrument without a twin."""
+
 _WHERE = {
     "identity": "a question that tells it from others; in the manual: identification, `*IDN?`, version",
     "reading": "a question for a reading; in the manual: remote commands, reading, measure, transmit weight",

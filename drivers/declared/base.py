@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from pydantic import BaseModel
 
 from rig.contracts.declared.exchanges import Check
-from rig.contracts.declared.instrument import Instrument
+from rig.contracts.declared.instrument import STAND_IN, Instrument
 from rig.drivers.clock import Clock
 from rig.drivers.declared.talk import Talk
 from rig.drivers.driver import ContractFile, Medium
@@ -123,6 +123,12 @@ class Declared:
             found = self._talk.ask(mark.check)
             return not self._talk.agree(found, mark.check.is_)
         return self.table.remembers and bool(self._unlike(self.table.check))
+
+    def remarks(self) -> Sequence[str]:
+        """Said of a stand-in: that it is one."""
+        if self.table.about != STAND_IN:
+            return ()
+        return ("has no twin: a stand-in of its role answers, whose lines are not those of the instrument",)
 
     def make_safe(self) -> None:
         """The safe state of its roles."""

@@ -17,6 +17,7 @@ from rig.errors import ConfigurationError
 from rig.sims.bench import SimBench, world_for
 from rig.sims.physics import WorldError
 from rig.simulated.person import SimulatedPerson
+from rig.simulated.stand_ins import with_stand_ins
 
 if TYPE_CHECKING:
     from rig.bench.config import BenchConfig
@@ -78,7 +79,7 @@ class DryBench:
         record_tape: keep the true events in `sim.tape`, for checkers.
 
     Raises:
-        ConfigurationError: the world file is wrong, or a driver has no twin.
+        ConfigurationError: the world file is wrong, or a driver that is neither reader nor source has no twin.
 
     """
 
@@ -94,6 +95,7 @@ class DryBench:
         key: str = "",
     ) -> None:
         self._where = where
+        config = with_stand_ins(config)
         values = plain(config)
         key = key or f"dry{next(_keys)}"
         try:
