@@ -18,7 +18,7 @@ from rig.procedures.plan.by_hand import Steps, check_places, with_steps
 from rig.procedures.plan.conduct import Conduct, EnvironmentSettings
 from rig.procedures.plan.fault_policies import HeadFaults
 from rig.procedures.plan.run_list import Factor, Point, RunList, Settle
-from rig.procedures.plan.settings import Acceptance, LoopSettings, Name, Positive, Strict, WarningSettings
+from rig.procedures.plan.settings import Acceptance, GoalSettings, LoopSettings, Name, Positive, Strict, WarningSettings
 
 _PASS_KEPT = 10_000
 """Size above which a pass over a design is generated again for each replication instead of stored."""
@@ -240,6 +240,7 @@ class PitchRollProcedure(Strict):
     acceptance: AcceptanceSettings = AcceptanceSettings()
     by_hand: Steps = ()
     loop: LoopSettings = LoopSettings()
+    goal: GoalSettings | None = None
 
     @model_validator(mode="after")
     def _can_be_run(self) -> Self:

@@ -43,7 +43,7 @@ from rig.procedures.plan.fault_policies import (
     Policy,
 )
 from rig.procedures.plan.run_list import Factor, Point, RunList, Settle
-from rig.procedures.plan.settings import Acceptance, LoopSettings, Name, Positive, Strict, WarningSettings
+from rig.procedures.plan.settings import Acceptance, GoalSettings, LoopSettings, Name, Positive, Strict, WarningSettings
 
 _TAKEN = re.compile(r"(replicate|whole_plot|order|elapsed|block|run_index|simulated|accepted)(_.*)?")
 """Names with a meaning of their own in tables."""
@@ -180,6 +180,7 @@ class GeneralProcedure(Strict):
     acceptance: GeneralAcceptance = GeneralAcceptance()
     by_hand: Steps = ()
     loop: LoopSettings = LoopSettings()
+    goal: GoalSettings | None = None
 
     @field_validator("factors")
     @classmethod

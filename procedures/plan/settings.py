@@ -98,6 +98,20 @@ class LoopSettings(Strict):
         return self
 
 
+class GoalSettings(Strict):
+    """Precision for which `rig loop` adds replications, before it looks for further effects."""
+
+    sigma: dict[str, Positive] = Field(
+        min_length=1,
+        description="largest standard uncertainty of a coefficient or parameter, by its name in `rig fit --json`, in "
+        "its unit: { S_V = 3e-6 }; for every sensor that has it, as far as scatter between the observations goes",
+    )
+    least_replications: int | None = Field(
+        None, ge=2, le=1000, description="replications of the first run, before the first look; default: its own"
+    )
+    most_replications: int = Field(30, ge=2, le=1000, description="maximum number of replications")
+
+
 class WarningSettings(Strict):
     """Early warnings about the sensors during a run. They never stop it by themselves."""
 

@@ -20,7 +20,7 @@ from rig.procedures.plan.by_hand import Steps, check_places, with_steps
 from rig.procedures.plan.conduct import Conduct, SoakSettings, WholePlotConduct
 from rig.procedures.plan.fault_policies import ABORT, HOLD, RE_SOAK, RETRY, SKIP, FaultSettings, Policy
 from rig.procedures.plan.run_list import Factor, Point, RunList, Settle
-from rig.procedures.plan.settings import Acceptance, LoopSettings, Name, Positive, Strict, WarningSettings
+from rig.procedures.plan.settings import Acceptance, GoalSettings, LoopSettings, Name, Positive, Strict, WarningSettings
 
 PRESSURE, SENSOR, SSE = "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC"
 
@@ -268,6 +268,7 @@ class WholePlotProcedure(Strict):
     acceptance: WholePlotAcceptance = WholePlotAcceptance()
     by_hand: Steps = ()
     loop: LoopSettings = LoopSettings()
+    goal: GoalSettings | None = None
 
     @model_validator(mode="after")
     def _can_be_run(self) -> Self:

@@ -19,7 +19,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -30,6 +30,7 @@ from rig.drivers.clock import RealClock
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
 from rig.loop import Program, findings_of_runs, open_program, resume_loop, sessions, start_loop
+from rig.loop.goal import table_of
 from rig.run_file.chain import Record
 from rig.run_file.live import LiveState
 from rig.run_file.verify.verification import verify_file
@@ -159,7 +160,7 @@ class CrashedLoop:
     def _afresh(self, program: Program) -> dict[str, str]:
         """Verdicts by the run files alone."""
         with self.watched():
-            opened = first.open_traced(program.file_of(program.runs[0]))
+            opened = first.open_traced(program.segments[0], partial(table_of, program.segments))
             if not program.further:
                 return {one.sensor: str(one.verdict) for one in opened.traced.outcomes}
             return {one.effect: one.verdict for one in judge(opened, *program.further).answers}

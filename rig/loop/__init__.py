@@ -3,7 +3,7 @@
 The public face: `start_loop`, `resume_loop`, `continue_loop`, and the state of a loop, `open_program`.
 """
 
-from rig.loop.conductor import Ending, Told
+from rig.loop.ends import Ending, Told
 from rig.loop.program import SUFFIX, Program, is_loop, open_program
 from rig.loop.sessions import continue_loop, resume_loop, start_loop
 from rig.loop.shown import blocks, to_json

@@ -12,19 +12,22 @@ import os
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rig.engine.session import Nobody, Observer, Outcome, Progress, Signals
 from rig.errors import BenchFault, RigError
 from rig.fitter.errors import FitError
 from rig.loop import products
 from rig.loop.decide import Considers, Decision, Left, decide, for_person
+from rig.loop.ends import Ending, Told, each_h, ended, not_made
 from rig.loop.findings import found_by_first, found_by_later
+from rig.loop.goal import Look, looked, procedure_with, table_of
 from rig.loop.program import SUFFIX, LoopRun, Program
 from rig.loop.timeline import EVALUATION_S, Timeline
 from rig.procedures.errors import DataError
+from rig.procedures.plan.settings import GoalSettings
 from rig.run_file.chain import Record, encode
 from rig.run_file.events.event import Event
 from rig.run_file.events.loops import (
@@ -32,12 +35,9 @@ from rig.run_file.events.loops import (
     LoopContinued,
     LoopDecided,
     LoopForPerson,
-    LoopRunEnded,
     LoopRunPlanned,
 )
 from rig.run_file.events.sessions import SessionBegan
-from rig.run_file.read.reader import RunReader
-from rig.run_file.state.state import read_state
 from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import Result, Site, resume_run, start_run
 from rig.runs.plans import Plan, plan_of
@@ -48,35 +48,6 @@ from rig.who import Operator
 
 FAULTS = (RigError, DataError, FitError)
 """Errors of data and files that a loop closes with; any other one is a defect of this program."""
-
-
-class Told(Protocol):
-    """Receives what a loop does, for terminal, log and messages."""
-
-    def run_begins(self, path: Path) -> None:
-        """A run's file exists, or goes on."""
-
-    def says(self, record: Record) -> None:
-        """A record of the loop was written."""
-
-
-@dataclass(frozen=True)
-class Ending:
-    """The end of a session of a loop.
-
-    Attributes:
-        program: state of the loop.
-        outcome: "complete" once it is closed; otherwise how its open run ended, and the loop can be resumed.
-        message: the reason, "" if none is needed.
-        head: hash of the last record of the program file.
-        unsafe: whether some instrument is not known to be in its safe state.
-    """
-
-    program: Program
-    outcome: Outcome
-    message: str = ""
-    head: str = ""
-    unsafe: bool = False
 
 
 @dataclass
@@ -126,7 +97,7 @@ class Conductor:
         """
         if not self._begun:
             self._begin()
-        ended = self._first_run() or self._further_runs()
+        ended = self._first_run() or self._replications() or self._further_runs()
         if ended is not None:
             return ended
         self._close()
@@ -198,7 +169,7 @@ class Conductor:
         result = self._made(run, self.plan)
         if result.outcome is not Outcome.COMPLETE:
             return self._ending(result.outcome, result.message)
-        self.record(_ended(run, result))
+        self.record(ended(run, result))
         return None
 
     def _planned(self, what: str, hours: float, procedure: str) -> LoopRunPlanned:
@@ -241,22 +212,63 @@ class Conductor:
         try:
             result = self._made(run, plan_of(documents, dry=self.plan.dry))
         except BenchFault as error:
-            self.record(_not_made(self.program.file_of(run), run, error))
+            self.record(not_made(self.program.file_of(run), run, error))
             return None
         # A fault that the run file could not record is one of the disk: nothing can be decided without it.
         if result.outcome in (Outcome.INTERRUPTED, Outcome.STOPPED) or (
             result.outcome is not Outcome.COMPLETE and result.state.rested != "faulted"
         ):
             return self._ending(result.outcome, result.message)
-        self.record(_ended(run, result))
+        self.record(ended(run, result))
         return None
+
+    def _replications(self) -> Ending | None:
+        """Add replications to the first run until its goal is met, or cannot be."""
+        goal: GoalSettings | None = getattr(self.plan.procedure, "goal", None)
+        if goal is None or self.program.goal is not None or self.program.further_runs:
+            return None
+        while True:
+            if self.signals.interrupt:
+                return self._ending(Outcome.INTERRUPTED, f"interrupted ({self.signals.interrupt}) between two steps")
+            run = self.program.open_run
+            if run is not None and (ended := self._further_run(run)) is not None:
+                return ended
+            if not self._look(goal):
+                return None
+
+    def _look(self, goal: GoalSettings) -> bool:
+        """Decide whether one more replication is made, and record it before anything moves."""
+        program, procedure = self.program, self.plan.procedure
+        left_h = (program.ends_s - self.timeline.elapsed_s) / 3600.0
+        runs = program.runs
+        hours = each_h(runs, procedure.replications)
+        try:
+            look = looked(goal, program.segments, procedure.replications, hours, left_h)
+        except FAULTS as error:
+            look = Look(None, f"the goal cannot be judged: {error}")
+        if not runs[-1].complete and look.more is not None:
+            look = Look(None, f"replication {runs[-1].planned.number} ended by a fault; {look.why}")
+        decided = LoopDecided(
+            after=len(runs), next="trace" if look.more is None else "segment", why=look.why, left_h=round(left_h, 3)
+        )
+        if look.more is None:
+            self.record(decided)
+            return False
+        number = procedure.replications + len(program.segments)
+        again = procedure_with(procedure, replications=1, seed=procedure.seed + number, goal=None)
+        planned = self._planned(f"replication {number}", hours, procedure_text(again))
+        self.record(decided, replace(planned, segment=True))
+        return True
 
     # --- evaluation -----------------------------------------------------------------------------------------------
 
     @cached_property
     def first(self) -> First:
-        """The first run, traced."""
-        return open_traced(self.program.file_of(self.program.runs[0]))
+        """The first run with its further replications, traced."""
+        segments = self.program.segments
+        if len(segments) < 2:
+            return open_traced(segments[0])
+        return open_traced(segments[0], partial(table_of, segments))
 
     @cached_property
     def _of_later(self) -> dict[tuple[Path, ...], Confirmed]:
@@ -289,15 +301,16 @@ class Conductor:
             told = self._evaluated()
         except FAULTS as error:
             return Decision(None, f"the runs cannot be evaluated: {error}")
-        last = self.program.runs[-1]
-        if last.ended is not None and not last.complete and len(self.program.runs) > self.program.closed_runs:
+        further, before = self.program.further_runs, self.program.closed_runs
+        last = further[-1] if len(further) > before else None
+        if last is not None and last.ended is not None and not last.complete:
             why = f"run {last.planned.number} ended by a fault: {last.ended.message or last.ended.how}"
             return Decision(None, f"{why}; the loop closes with what it has", told is not None and told.settled)
         bounds = self.program.bounds.bounds
         elapsed_s = self.timeline.elapsed_s
         left = Left(
             (self.program.ends_s - elapsed_s) / 3600.0,
-            bounds.most_runs - (len(self.program.runs) - max(1, self.program.closed_runs)),
+            bounds.most_runs - (len(further) - before),
             self.program.allow,
         )
         first = replace(self.first, begins_s=elapsed_s)
@@ -307,7 +320,7 @@ class Conductor:
         """The judgement so far; what it tells is recorded once."""
         first, told, count = self.first, self.confirmed(), self.program.complete
         if count not in self.program.found:
-            found = found_by_first(first) if told is None else found_by_later(told, count)
+            found = found_by_first(first, count) if told is None else found_by_later(told, count)
             self.timeline.passes(self.timeline.elapsed_s + EVALUATION_S)
             self.record(found)
         return told
@@ -346,7 +359,7 @@ class Conductor:
         if program.closed is not None:
             return
         if "calibration" not in program.wrote:
-            self.record(products.calibration(program))
+            self.record(products.calibration(program, self._first_or_none(), self._confirmed_or_none()))
         if self.certified and "certificate" not in program.wrote:
             self._certificate()
         decided = program.decided
@@ -371,39 +384,13 @@ class Conductor:
             return self.confirmed()
         return None
 
+    def _first_or_none(self) -> First | None:
+        with contextlib.suppress(*FAULTS):
+            return self.first
+        return None
+
     def _certificate(self) -> None:
         """Issue a certificate, if the laboratory has settled one and the register allows it."""
         settings = products.certificate_settings(self.program)
         if settings is not None:
             self.record(products.certificate(self.program, settings, self.timeline.utc_s))
-
-
-def _ended(run: LoopRun, result: Result) -> LoopRunEnded:
-    state = result.state
-    return LoopRunEnded(
-        number=run.planned.number,
-        how=result.outcome.value,
-        head=result.head,
-        accepted=len(state.accepted),
-        points=state.points,
-        took_s=round(state.elapsed_s, 3),
-        message="" if result.outcome is Outcome.COMPLETE else result.message,
-    )
-
-
-def _not_made(path: Path, run: LoopRun, error: BenchFault) -> LoopRunEnded:
-    """A run whose bench could not be opened."""
-    head, took_s, accepted, points = "", 0.0, 0, 0
-    if path.exists():
-        with RunReader.open(path) as reader:
-            state, head = read_state(reader), reader.head()[1].hex()
-            took_s, accepted, points = state.elapsed_s, len(state.accepted), state.points
-    return LoopRunEnded(
-        number=run.planned.number,
-        how=Outcome.FAULT.value,
-        head=head,
-        accepted=accepted,
-        points=points,
-        took_s=took_s,
-        message=str(error),
-    )

@@ -12,8 +12,8 @@ from rig.run_file.events.loops import LoopFound
 from rig.verbs.confirm import Confirmed, First, sentences
 
 
-def found_by_first(first: First) -> LoopFound:
-    """Gross errors, verdict and effects by sensor, and what these data cannot distinguish."""
+def found_by_first(first: First, runs: int = 1) -> LoopFound:
+    """Gross errors, verdict and effects by sensor, and what the data of these runs cannot distinguish."""
     outcomes = first.traced.outcomes
     words = [f"{gross} gross errors"] if (gross := _gross(first)) else []
     by_verdict: dict[str, list[str]] = {}
@@ -24,7 +24,7 @@ def found_by_first(first: First) -> LoopFound:
     words += [open_words(first)] if first.questions else []
     holds = {q.effect: " or ".join(m.effect for m in q.members if not m.near) for q in first.questions}
     return LoopFound(
-        after=1, words="; ".join(words), verdicts={one.sensor: str(one.verdict) for one in outcomes}, holds=holds
+        after=runs, words="; ".join(words), verdicts={one.sensor: str(one.verdict) for one in outcomes}, holds=holds
     )
 
 

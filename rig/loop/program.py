@@ -86,12 +86,13 @@ class Program:
         runs: its runs, in order.
         found: what was found, by the number of runs that it rests on.
         decided: decisions that no run has followed yet; the last one counts.
+        goal: decision that nothing more is done for the goal; None before.
         story: every record that is told, with its time.
         for_person: what remains for a person, since the last decision to close.
         wrote: written or refused files, since the loop was last continued.
         closed: how it was closed; None while it is open.
         continued: how often it was continued.
-        closed_runs: number of its runs when it was last closed.
+        closed_runs: number of its further runs when it was last closed.
     """
 
     path: Path
@@ -101,6 +102,7 @@ class Program:
     runs: list[LoopRun] = field(default_factory=list)
     found: dict[int, LoopFound] = field(default_factory=dict)
     decided: LoopDecided | None = None
+    goal: LoopDecided | None = None
     story: list[Record] = field(default_factory=list)
     for_person: list[LoopForPerson] = field(default_factory=list)
     wrote: dict[str, LoopWrote] = field(default_factory=dict)
@@ -126,6 +128,8 @@ class Program:
                 self.runs[event.number - 1].ended = event
             case LoopFound():
                 self.found[event.after] = event
+            case LoopDecided() if event.next in ("segment", "trace"):
+                self.goal = event if event.next == "trace" else None
             case LoopDecided():
                 self.decided, self.for_person = event, []
             case LoopForPerson():
@@ -137,7 +141,7 @@ class Program:
                 self.wrote, self.for_person = {}, []
                 self.ends_s, self.allow = event.ends_s, tuple(event.allow)
                 self.continued += 1
-                self.closed_runs = len(self.runs)
+                self.closed_runs = len(self.further_runs)
             case LoopClosed():
                 self.closed = event
             case _:
@@ -158,9 +162,20 @@ class Program:
         return self.path.with_name(f"{run.planned.run_id}.sqlite")
 
     @property
+    def segments(self) -> list[Path]:
+        """Files of the first run and of its further replications, as far as they are complete."""
+        own = [run for number, run in enumerate(self.runs) if number == 0 or run.planned.segment]
+        return [self.file_of(run) for run in own if run.complete]
+
+    @property
+    def further_runs(self) -> list[LoopRun]:
+        """Runs made to decide a question."""
+        return [run for run in self.runs[1:] if not run.planned.segment]
+
+    @property
     def further(self) -> list[Path]:
         """Files of the complete further runs."""
-        return [self.file_of(run) for run in self.runs[1:] if run.complete]
+        return [self.file_of(run) for run in self.further_runs if run.complete]
 
     @property
     def open_run(self) -> LoopRun | None:

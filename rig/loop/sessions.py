@@ -10,16 +10,18 @@ from pathlib import Path
 from typing import Any
 
 from rig.engine.session import Observer, Outcome, Progress, Signals
-from rig.errors import UsageError
+from rig.errors import ConfigurationError, UsageError
 from rig.files.disk_space import check_may_write, check_room
 from rig.files.regular import real_path
 from rig.files.toml_text import toml_text
 from rig.instruments.locks import locked_addresses
-from rig.loop.conductor import Conductor, Ending, Told
+from rig.loop.conductor import Conductor
 from rig.loop.decide import PARKING_H, PERSON
+from rig.loop.ends import Ending, Told
+from rig.loop.goal import procedure_with
 from rig.loop.program import SETTINGS, SUFFIX, check_unchanged, file_of, read_program
 from rig.loop.timeline import Timeline, seconds_until
-from rig.procedures.plan.settings import LoopSettings
+from rig.procedures.plan.settings import GoalSettings, LoopSettings
 from rig.procedures.present.durations import duration
 from rig.run_file.events.loops import LoopContinued
 from rig.run_file.read.reader import RunReader
@@ -29,6 +31,7 @@ from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import Site, new_id, opened
 from rig.runs.forecast import rehearse
 from rig.runs.plans import Plan, load_plan, plan_of
+from rig.verbs.confirm.further_plan import procedure_text
 from rig.version import versions
 from rig.who import Operator, operator
 
@@ -108,7 +111,7 @@ def start_loop(
         UsageError: there is no end, or the first run does not fit before it.
         BusyError: another controller has the bench.
     """
-    plan, by = load_plan(procedure, bench, dry=dry, world=world), by or operator()
+    plan, by = _begun_with_least(load_plan(procedure, bench, dry=dry, world=world)), by or operator()
     bounds = bounds_of(plan, until, hours)
     check_room(folder, len(plan.run_list))
     with _held(plan, site) as held:
@@ -134,6 +137,22 @@ def start_loop(
             if observer is not None:
                 conductor.observer = observer
             return conductor.conduct()
+
+
+def _begun_with_least(plan: Plan) -> Plan:
+    """The plan with as many replications as its goal wants before the first look."""
+    goal: GoalSettings | None = getattr(plan.procedure, "goal", None)
+    if goal is None:
+        return plan
+    least = goal.least_replications or plan.procedure.replications
+    if least >= goal.most_replications:
+        raise ConfigurationError(
+            f"goal.most_replications = {goal.most_replications} is not more than the {least} of the first run"
+        )
+    if least == plan.procedure.replications:
+        return plan
+    text = procedure_text(procedure_with(plan.procedure, replications=least), routine=True)
+    return plan_of({**plan.documents, "procedure.toml": text}, dry=plan.dry)
 
 
 def _first_run_h(plan: Plan, ends_s: float) -> float:

@@ -32,6 +32,7 @@ class LoopRunPlanned(Event, kind="loop-run", status="planned", matters=STEP):
         hours: expected bench time.
         procedure: text of its procedure.
         begins_s: seconds from the begin of the loop to its begin.
+        segment: whether it is one more replication of the first run, for its goal.
     """
 
     number: Count
@@ -40,6 +41,7 @@ class LoopRunPlanned(Event, kind="loop-run", status="planned", matters=STEP):
     hours: Number
     procedure: Text
     begins_s: Seconds
+    segment: Truth = False
 
     def sentence(self, record: Columns) -> str:
         """Its number, what it is, and its length."""
@@ -104,7 +106,7 @@ class LoopDecided(Event, kind="loop", status="decided", matters=TOLD, says="{why
 
     Attributes:
         after: number of the runs before it.
-        next: "run" or "close".
+        next: "run" or "close"; before the trace "segment", or "trace" once nothing more is done for the goal.
         why: a sentence with numbers.
         left_h: time left, hours.
         hours: bench time of the next run.

@@ -1,0 +1,120 @@
+"""A goal: replications are added as segments of their own until it is met, cannot be met, or no time is left."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from proving.crashes.loops import LAB, CrashedLoop, Evaluations, Silent, shorter
+from proving.disk import Disk
+from rig.engine.session import Outcome, Signals
+from rig.errors import ConfigurationError
+from rig.examples import example
+from rig.loop import Program, open_program, start_loop
+from rig.loop.goal import table_of
+from rig.run_file.read.reader import RunReader
+from rig.run_file.verify.verification import verify_file
+
+EVALUATIONS = Evaluations()
+"""Traces of the same readings are computed once."""
+
+
+def with_goal(folder: Path, goal: str, hours: float | None = None, begin: bool = True) -> Any:
+    """A loop of the voltmeter with a goal, closed after it; or its folder, prepared."""
+    path = shorter(folder)
+    if "[goal]" not in path.read_text():
+        path.write_text(f"{path.read_text()}\n[goal]\n{goal}\n[loop]\nmost_runs = 0\n")
+    if not begin:
+        return path
+    lab = example(LAB)
+    with CrashedLoop(folder, EVALUATIONS).watched():
+        ending = start_loop(
+        path, lab / "bench.toml", folder, hours=hours or 8, dry=True, world=lab / "world.toml",
+        announce=lambda _path, _plan: None, signals=Signals(), on_progress=lambda _: None, told=Silent(),
+        considered=lambda _first, **_how: (),
+        )  # fmt: skip
+    assert ending.outcome is Outcome.COMPLETE
+    return ending.program
+
+
+def why(program: Program) -> str:
+    assert program.goal is not None
+    return program.goal.why
+
+
+@pytest.fixture(scope="module")
+def met(tmp_path_factory: pytest.TempPathFactory) -> Program:
+    return with_goal(
+        tmp_path_factory.mktemp("met"), "sigma = { input_V = 1.1e-8 }\nleast_replications = 2\nmost_replications = 9"
+    )
+
+
+def test_replications_are_added_until_the_goal_is_met(met: Program):
+    assert why(met).startswith("the goal is met with 3 replications: input_V of meter_V is known to +-")
+    assert [run.planned.segment for run in met.runs] == [False, True]
+    assert [run.planned.what for run in met.runs][1:] == ["replication 3"]
+    assert verify_file(met.path).whole
+
+
+def test_each_decision_was_recorded_before_its_replication_began(met: Program):
+    with RunReader.open(met.path) as reader:
+        order = [record.status for record in reader.records() if record.kind in ("loop", "loop-run")]
+    assert order[:5] == ["planned", "ended", "decided", "planned", "ended"]
+
+
+def test_the_calibration_and_the_trace_have_all_replications(met: Program):
+    first, *more = met.segments
+    joined = table_of(met.segments, first)
+    parts = [len(table_of(met.segments, one)) for one in more]
+    assert len(joined) == 2 * parts[0] + sum(parts)
+    assert sorted(set(joined.columns["replicate"])) == [1, 2, 3]
+    assert np.all(np.diff(joined.columns["elapsed_s"]) > 0)
+    assert np.array_equal(joined.columns["order"], np.arange(1, len(joined) + 1))
+    assert str(len(joined)) in met.path.with_name(f"{met.name}.calibration.json").read_text()
+    assert met.found[2].after == 2
+
+
+def test_a_goal_out_of_reach_is_said_after_the_least_replications(tmp_path: Path):
+    program = with_goal(tmp_path, "sigma = { input_V = 1e-10 }\nleast_replications = 2\nmost_replications = 9")
+    assert why(program).startswith("the goal cannot be met: ")
+    assert "and most_replications = 9" in why(program)
+    assert len(program.runs) == 1
+
+
+def test_a_goal_for_which_no_time_is_left_is_said(tmp_path: Path):
+    goal = "sigma = { input_V = 4e-9 }\nleast_replications = 2\nmost_replications = 30"
+    program = with_goal(tmp_path, goal, hours=0.4)
+    assert why(program).startswith("no time is left for the goal: ")
+    assert len(program.runs) == 1
+
+
+def test_a_name_that_no_sensor_has_is_said_with_the_known_ones(tmp_path: Path):
+    program = with_goal(tmp_path, "sigma = { S_V = 1e-6 }\nleast_replications = 2")
+    assert "no sensor has such a value; known: 1, input_V" in why(program)
+
+
+def test_a_goal_without_room_for_more_is_refused(tmp_path: Path):
+    with pytest.raises(ConfigurationError, match="most_replications = 3 is not more than the 3 of the first run"):
+        with_goal(tmp_path, "sigma = { input_V = 1e-8 }\nleast_replications = 3\nmost_replications = 3")
+
+
+def test_crashes_between_and_in_replications_lose_none(tmp_path: Path):
+    with_goal(tmp_path, "sigma = { input_V = 9e-9 }\nleast_replications = 2\nmost_replications = 9", begin=False)
+    rng = random.Random(4)
+    how = {"considered": lambda _first, **_how: ()}
+    with Disk(seed=4, default=True) as disk:
+        loop = CrashedLoop(tmp_path, Evaluations(), how)
+        while True:
+            disk.crash_at(rng.randint(40, 300) if loop.crashes < 6 else 10**9)
+            if loop.go_on(disk):
+                break
+            disk.power_cut("all")
+    assert loop.crashes >= 3
+    assert loop.judge() == ""
+    program = open_program(loop.path)
+    assert "the goal" in why(program)
+    assert [run.planned.number for run in program.runs] == list(range(1, len(program.runs) + 1))
