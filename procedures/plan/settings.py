@@ -67,7 +67,7 @@ class LoopSettings(Strict):
     hours: Positive | None = Field(None, description="the same as a number of hours; without `until`")
     most_runs: int = Field(3, ge=0, le=20, description="maximum number of further runs")
     least_gain: float = Field(
-        0.02,
+        0.005,
         ge=0,
         le=1,
         description="a further run has to settle an open question with at least this probability per hour, on average "
