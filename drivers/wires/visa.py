@@ -74,6 +74,14 @@ class VisaLine(SerialLine):
         else:
             super().device_clear(character, with_dtr=False)
 
+    def write(self, text: str) -> None:
+        """Send a command without reply. Raises `Unreachable`."""
+        self._visa.telling = True
+        try:
+            super().write(text)
+        finally:
+            self._visa.telling = False
+
     def _in_step(self) -> Port:
         if self._port is not None and not self._place.messages:
             try:
@@ -104,6 +112,8 @@ class _Session:
     """
 
     dtr = False
+    telling = False
+    """Whether what is written is a command; else it has an answer, also without a question mark."""
 
     def __init__(self, address: VisaAddress, end: bytes, open_s: float) -> None:
         import pyvisa  # noqa: PLC0415 - an extra
@@ -193,7 +203,7 @@ class _Session:
             sent: int = self._resource.write_raw(data)
         except Exception as error:
             raise OSError(_words(error)) from error
-        self._asked = b"?" in data  # reading after a command that has no answer is an error on GPIB
+        self._asked = not self.telling or b"?" in data  # reading after a command that has no answer is an error on GPIB
         return sent
 
     def clear(self) -> None:
