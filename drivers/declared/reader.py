@@ -183,6 +183,8 @@ class DeclaredReader(Declared):
         return self._value(found.fields.get(ask.field, ""), found.value)
 
     def _value(self, printed: str, value: float) -> tuple[str, float]:
+        if self.table.modbus:  # frames have a checksum, and numbers no form
+            printed = ""
         if abs(value) >= self._reader.overload:
             return printed, OVERLOAD if value > 0 else -OVERLOAD
         return printed, value

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 from declared_bench import DeclaredBench
 
@@ -503,6 +505,14 @@ class TestRegisters:
         found = controller.it.fetch()
         assert set(found) == {"a", "b"}
         assert all(len(values) == 2 for values in found.values())
+
+    def test_numbers_of_registers_have_no_form_that_could_be_lost(self, controller):
+        values = itertools.chain([1.25] * 12, itertools.repeat(1.2345678))
+        controller.twin._measured = lambda name, t0: next(values)
+        for _ in range(6):
+            controller.it.start(1)
+            assert len(controller.it.fetch()["a"]) == 1
+        assert controller.it.learned() == {}
 
     def test_a_setting_that_is_changed_at_the_panel_is_told(self, controller):
         controller.twin._kept["holding", 300] = 5.0
