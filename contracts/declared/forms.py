@@ -90,11 +90,12 @@ class Field:
             return f"{_ANY_NUMBER}(?: *, *{_ANY_NUMBER})*"
         return _ANY_NUMBER.replace("[+-]?", sign, 1) if self.number else r"[^\s,;]+"
 
-    def read(self, text: str) -> float:
-        """The finite number in a text. Raises `ValueError`."""
+    def read(self, text: str, *, signed: bool = False) -> float:
+        """The finite number in a text; a hexadecimal one may be `signed`, a two's complement. Raises `ValueError`."""
         text = text.replace(" ", "")
         if self.kind == "x":
-            return float(int(text, 16))
+            number, bits = int(text, 16), 4 * (self.width or len(text))
+            return float(number - (1 << bits) if signed and number >> (bits - 1) & 1 else number)
         if not re.fullmatch(_ANY_NUMBER, text, re.ASCII):
             raise ValueError(f"{text!r} is not a number")
         value = float(text)
@@ -108,6 +109,10 @@ class Field:
             return value.ljust(self.width) if self.left or not self.number else value.rjust(self.width)
         if self.kind in ("d", "x"):
             value = round(value)
+            if self.kind == "x" and value < 0:  # its two's complement
+                value += 1 << 4 * self.width
+                if value < 0:
+                    raise ValueError(f"{value} does not fit into {self.width} hexadecimal digits")
         elif self.decimals >= 0:
             value = round(value, self.decimals) + 0.0 if self.kind != "e" else value
         digits = 9 if self.decimals < 0 and self.kind == "e" else self.decimals

@@ -230,17 +230,15 @@ class TextTalk(Talk):
     def _number(self, ask: Ask, form: Form, raw: str, text: str) -> float:
         field = form.fields[ask.field]
         try:
-            number = field.read(text)
+            return field.read(text, signed=ask.signed)
         except ValueError:
             raise self.bad(ask, raw, "a number") from None
-        bits = 4 * (field.width or len(text))
-        return number - (1 << bits) if ask.signed and int(number) >> (bits - 1) & 1 else number
 
     def value_of(self, ask: Ask, field: str, text: str) -> float:
         """The number in another field of an answer, as quantity. Raises `BadReply`."""
         form = next(form for form in self._of(ask).answers if field in form.fields)
         try:
-            return ask.quantity(form.fields[field].read(text))
+            return ask.quantity(form.fields[field].read(text, signed=ask.signed))
         except ValueError:
             raise self.bad(ask, text, f"a number as {field}") from None
 

@@ -152,7 +152,9 @@ class LinesTwin(Behaviour):
             if fields is None:
                 continue
             holes: dict[str, float | str] = {
-                name: form.fields[name].read(text) if name in ("value", "count", "mark") else text
+                name: form.fields[name].read(text, signed=what is not None and what.signed)
+                if name in ("value", "count", "mark")
+                else text
                 for name, text in fields.items()
             }
             if isinstance(what, Tell):
@@ -255,9 +257,6 @@ class LinesTwin(Behaviour):
 
     def _number(self, ask: Ask, field: Field, value: float) -> float | str:
         number = ask.shown(value) if abs(value) < OVERLOAD / 2 else value
-        if field.kind == "x":
-            whole = round(number)
-            return float(whole + (1 << 4 * field.width) if whole < 0 else whole)
         if not field.kind and field.decimals < 0 and not field.width:
             return (
                 f"{number:+.9E}"

@@ -99,6 +99,28 @@ read = { ask = "PV?", answer = "PV{value:04x}", scale = 0.003125 }
 safe_value = 0
 tolerance = 0.1
 """
+HUBER = r"""
+maker = "Huber"
+model = "PB"
+about = "hexadecimal two's complements, and braces that are meant"
+[wire]
+send_end = "\r\n"
+[identity]
+ask = "{{M1B****"
+answer = "{{S1B{text}"
+[source]
+unit = "degC"
+low = -90
+high = 200
+set = { tell = "{{M00{value:04x}", answer = "{{S00{value:04x}", scale = 0.01, signed = true }
+setpoint = { ask = "{{M00****", answer = "{{S00{value:04x}", scale = 0.01, signed = true }
+read = { ask = "{{M01****", answer = "{{S01{value:04x}", scale = 0.01, signed = true }
+on = { tell = "{{M140001", answer = "{{S140001" }
+off = { tell = "{{M140000", answer = "{{S140000" }
+output = { ask = "{{M14****", answer = "{{S14{value:04x}", words = { 0 = "off", 1 = "on" } }
+tolerance = 0.05
+time_constant_s = 20
+"""
 VENTED = r"""
 model = "P1"
 maker = "ACME"
@@ -391,6 +413,22 @@ class TestFrames:
             it.twin._framed = lambda line, wrong=wrong: wrong
             with pytest.raises(WrongInstrument, match=r"in the frame|the checksum"):
                 it.it.identify()
+
+
+class TestHexadecimal:
+    @pytest.mark.parametrize(("degC", "line"), [(25.0, "{M0009C4"), (-40.25, "{M00F047"), (-0.01, "{M00FFFF")])
+    def test_negative_numbers_are_twos_complements(self, bench, degC, line):
+        it = bench(HUBER)
+        it.it.identify()
+        it.it.prepare()
+        it.it.set(degC)
+        assert line in it.sent
+        state = it.it.read()
+        assert (state.setpoint, state.output) == (pytest.approx(degC), True)
+        it.sleep(400.0)
+        assert it.it.read().value == pytest.approx(degC, abs=0.02)
+        it.it.make_safe()
+        assert it.it.read().safe
 
 
 class TestStates:
