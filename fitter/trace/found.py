@@ -72,9 +72,10 @@ class Found:
         p_adjusted: float,
         separate_by: str,
         against: str,
+        aliases: tuple[str, ...] = (),
         **more: Any,
     ) -> Self:
-        """A finding about the noise: no column of the model, so no share, alias or standard errors.
+        """A finding about the noise: no column of the model, so no share or standard errors.
 
         Arguments are the attributes of these names; `more` has those of one kind of run.
         """
@@ -90,7 +91,7 @@ class Found:
             p_adjusted=p_adjusted,
             p_adjusted_is_bound=False,
             share=0.0,
-            aliases=(),
+            aliases=aliases,
             separation={},
             separate_by=separate_by,
             against=against,

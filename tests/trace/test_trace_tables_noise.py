@@ -189,3 +189,16 @@ def test_a_gross_error_does_not_hide_what_an_effect_takes_away():
     assert 0.018 < traced.after.fit.sigma_E < 0.024
     assert 0.05 < traced.before.fit.sigma_E < 0.1
     assert traced.after.cv_rms < 0.03
+
+
+def test_errors_with_memory_name_the_drift_that_they_may_be():
+    """55 rows in random order cannot tell a drift of four standard errors from errors that are alike."""
+    rng = np.random.default_rng(3)
+    x, t = rng.permutation(np.tile(np.linspace(0.0, 10.0, 11), 5)), 60.0 * np.arange(55)
+    along = t - t.mean()
+    y = 1.0 + 2.0 * x + rng.normal(size=55) + 5.0 * along / np.sqrt(along @ along)
+    table = Table("simulated", {"x": x, "t": t, "y": y}, True, {})
+    result = trace_general(roles_of(table, Roles(response="y", formula="1 + x", time="t"))[0])
+    (finding,) = [one for one in result.effects if one.effect == "autocorrelation"]
+    assert "drift:t" in finding.aliases
+    assert "these data cannot tell it from" in finding.cause

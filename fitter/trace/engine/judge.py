@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.aliases import PER_COLUMN, Rival
+from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Rival
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.family import CERTAIN, TableFamily, evidence, family_of, least_of
 from rig.fitter.trace.engine.lengths import Simulated
@@ -146,6 +146,21 @@ class TableJudge:
         grid = self._of_response(self._grid(whole)[0], whole, self.held(rest))
         without = self._without(grid, whole, mine) or self.beside(rest)
         return float(2.0 * (self.beside(chosen).ml.max() - without.ml[slow].max()) - price)
+
+    def like_memory(self, chosen: tuple[int, ...]) -> tuple[str, ...]:
+        """Effects that explain about as much as errors with memory, likeliest first.
+
+        With independent errors each of them is significant.
+        """
+        found = dict[str, float]()
+        for j in self.promising(chosen):
+            trial, name = self._trial(chosen, j), self.candidates[j].effect.name
+            behind = 2.0 * float(trial.without.ml.max() - trial.beside.ml[0])
+            if behind <= DELTA:
+                own = float(self._scored(0, trial.y, chosen, j).evidence[0])
+                if self.family_for(j, 0, "any").adjust(name, own, ALPHA) <= ALPHA:
+                    found[name] = min(behind, found.get(name, behind))
+        return tuple(sorted(found, key=found.__getitem__))
 
     def is_bound(self, p: float) -> bool:
         """Whether no simulated table had such a score."""

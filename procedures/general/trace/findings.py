@@ -24,6 +24,8 @@ from rig.procedures.general.trace.intervals import in_words, moved, understated
 from rig.procedures.general.trace.result import FoundTableEffect
 from rig.procedures.general.trace.run import FITTED, SIZE_OF_FITTED, TableData
 
+LIKE = 3
+"""Maximum number of effects in the sentence about what errors with memory may be; the others are among its aliases."""
 SHOWN = 8
 """Maximum number of named outliers."""
 CLEAR = 0.01
@@ -31,6 +33,8 @@ ON_LATTICE = 0.5
 """Share of the rows of a level that are on a lattice, from which on they are said to be rounded to it."""
 COARSE = 0.5
 """Share of the standard error of a row from which the error of rounding alone, step / sqrt(12), is reported."""
+
+RECORD = "record what may wander (temperature, humidity, supply), or take rows in random order with longer pauses"
 
 
 def noise_findings(
@@ -73,6 +77,9 @@ def _wander(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Foun
     cause = f"errors of neighbouring rows of {data.response} are alike: something wanders slowly that was not recorded"
     if data.order_unknown:
         cause += ", or the response is not smooth enough over the setting the rows are sorted by"
+    alike = judge.like_memory(chosen)
+    if alike:
+        cause += f"; these data cannot tell it from {' or '.join(alike[:LIKE])}"
     return _finding(
         judge,
         data,
@@ -82,8 +89,9 @@ def _wander(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Foun
         "1",
         size,
         p,
-        "record what may wander (temperature, humidity, supply), or take rows in random order with longer pauses",
+        "; ".join(["go on for as long again: a wander goes elsewhere"] * bool(alike) + [RECORD]),
         factor,
+        alike,
     )
 
 
@@ -269,6 +277,7 @@ def _finding(
     p: float,
     separate_by: str,
     factor: FloatArray | None,
+    aliases: tuple[str, ...] = (),
 ) -> FoundTableEffect:
     words = in_words(data.names, factor)
     return FoundTableEffect.of_noise(
@@ -279,6 +288,7 @@ def _finding(
         unit=unit,
         size=f"{size}; {words}" if words else size,
         p_adjusted=p,
+        aliases=aliases,
         separate_by=separate_by,
         against="",
         family="noise",
