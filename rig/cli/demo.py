@@ -18,6 +18,7 @@ from rig.cli.options import JsonOption
 from rig.cli.progress import run_progress
 from rig.cli.run import conclude
 from rig.cli.show import err, out, print_json
+from rig.cli.unattended import Listening
 from rig.engine.session import Outcome, Signals
 from rig.errors import ExitCode, RigError
 from rig.procedures.present import terminal
@@ -61,6 +62,10 @@ def demo(
     out_dir: Annotated[Path, typer.Option("--out", "-o", help="folder for the run file and the report")] = Path("runs"),
     as_json: JsonOption = False,
     short: Annotated[bool, typer.Option("--short", help="a shorter night, for a first look")] = False,
+    loop: Annotated[
+        bool,
+        typer.Option("--loop", help="as `rig loop`: further runs confirm the effects, and a calibration has them"),
+    ] = False,
 ) -> int:
     """Run a simulated night with undeclared effects, kill it partway, resume it, and find the effects.
 
@@ -95,10 +100,15 @@ def demo(
         if short:
             procedure = _shortened(procedure, night.shortened, Path(temporary))
         path = _run_until_killed(
-            folder, procedure, out_dir, night.short_kill_at_point if short else night.kill_at_point
+            folder, procedure, out_dir, night.short_kill_at_point if short else night.kill_at_point, loop=loop
         )
     print(path, flush=True)
-    err.print("[bold]The controller was killed with SIGKILL.[/] Resuming from the run file:")
+    err.print("[bold]The controller was killed with SIGKILL.[/] Resuming from its file:")
+    if loop:
+        from rig.cli.loop import resume_of_loop  # noqa: PLC0415
+
+        asked = Listening(None, "text", None, None, dry=True, strict=False)
+        return resume_of_loop(path, 300.0, asked, None, as_json=as_json)
     with run_progress(simulated=True) as show:
         result = resume_run(path, signals=Signals(), on_progress=show, dry_gap_s=300.0)
     conclude(result)
@@ -123,9 +133,10 @@ def _shortened(procedure: Path, change: tuple[str, str], folder: Path) -> Path:
     return shorter
 
 
-def _run_until_killed(lab: Path, procedure: Path, folder: Path, kill_at_point: int) -> Path:
-    """Start a dry run in a separate process that kills itself; returns its run file."""
-    command = [sys.executable, "-m", "rig", "run", str(procedure), "--bench", str(lab / "bench.toml"), "--dry"]
+def _run_until_killed(lab: Path, procedure: Path, folder: Path, kill_at_point: int, *, loop: bool) -> Path:
+    """Start a dry run, or a loop of three days, in a separate process that kills itself; returns its file."""
+    command = [sys.executable, "-m", "rig", "loop" if loop else "run", str(procedure), "--dry"]
+    command += ["--bench", str(lab / "bench.toml"), *(["--hours", "72"] if loop else [])]
     command += ["--world", str(lab / "world.toml"), "--out", str(folder), "--kill-at-point", str(kill_at_point)]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
     if err.is_terminal:

@@ -14,7 +14,7 @@ from rig.cli.commands import app
 from rig.cli.options import JsonOption, OperatorOption
 from rig.cli.progress import run_progress
 from rig.cli.show import err, mark, out, outlive_readers, print_json
-from rig.cli.signals import signals
+from rig.cli.signals import KillOption, killing, signals
 from rig.cli.unattended import (
     Listening,
     LogFormatOption,
@@ -78,6 +78,7 @@ def loop(
     log_format: LogFormatOption = "text",
     notify: NotifyOption = None,
     notify_file: NotifyFileOption = None,
+    kill_at_point: KillOption = None,
     as_json: JsonOption = False,
 ) -> int:
     """Run a procedure, find and confirm what its model lacks by further runs, and calibrate, until a time.
@@ -109,15 +110,18 @@ def loop(
         asked,
         operator_name,
         as_json=as_json,
+        kill_at_point=kill_at_point,
     )
 
 
-def resume_of_loop(path: Path, gap: float, asked: Listening, operator_name: str | None) -> int:
+def resume_of_loop(
+    path: Path, gap: float, asked: Listening, operator_name: str | None, *, as_json: bool = False
+) -> int:
     """`rig resume` of a program file."""
     from rig.loop import resume_loop  # noqa: PLC0415
 
     asked = _of_file(asked, path)
-    return conducted(lambda how: resume_loop(path, dry_gap_s=gap, **how), asked, operator_name, as_json=False)
+    return conducted(lambda how: resume_loop(path, dry_gap_s=gap, **how), asked, operator_name, as_json=as_json)
 
 
 def _of_file(asked: Listening, path: Path) -> Listening:
@@ -159,7 +163,12 @@ class _Told:
 
 
 def conducted(
-    begin: Callable[[dict[str, Any]], Ending], asked: Listening, operator_name: str | None, *, as_json: bool
+    begin: Callable[[dict[str, Any]], Ending],
+    asked: Listening,
+    operator_name: str | None,
+    *,
+    as_json: bool,
+    kill_at_point: int | None = None,
 ) -> int:
     """Conduct a session of a loop; returns the exit code."""
     from rig.loop import blocks, to_json  # noqa: PLC0415
@@ -173,7 +182,7 @@ def conducted(
                 {
                     "signals": signals(),
                     "announce": lambda path, plan: told.begins(path, plan, asked),
-                    "on_progress": heard(ears, progress),
+                    "on_progress": killing(heard(ears, progress), kill_at_point),
                     "told": told,
                     "observer": ears,
                     "by": by,

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
-from signal import SIGKILL
 from typing import Annotated
 
 import typer
@@ -18,7 +15,7 @@ from rig.cli.commands import app
 from rig.cli.options import BenchOption, OperatorOption, ProcedureArgument, RunArgument
 from rig.cli.progress import run_progress
 from rig.cli.show import err, mark, outlive_readers
-from rig.cli.signals import signals
+from rig.cli.signals import KillOption, killing, signals
 from rig.cli.unattended import (
     Listening,
     LogFormatOption,
@@ -32,7 +29,7 @@ from rig.cli.unattended import (
     remarks,
 )
 from rig.engine.early_warning import warnings_in
-from rig.engine.session import Outcome, Progress
+from rig.engine.session import Outcome
 from rig.errors import ExitCode, RigError, UsageError
 from rig.files.atomic import check_added_to
 from rig.procedures.present.durations import duration
@@ -48,16 +45,6 @@ from rig.runs.controller import Result, resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.unattended import Listeners, RunFacts, ServiceManager
 from rig.who import operator
-
-KillOption = Annotated[
-    int | None,
-    typer.Option(
-        "--kill-at-point",
-        min=1,
-        help="to test recovery: kill this process with SIGKILL after this many points",
-        show_default=False,
-    ),
-]
 
 _EXIT = {
     Outcome.COMPLETE: ExitCode.DONE,
@@ -117,7 +104,7 @@ def run(
                 out_dir,
                 signals=signals(),
                 announce=announce,
-                on_progress=_killing(heard(listeners, progress), kill_at_point),
+                on_progress=killing(heard(listeners, progress), kill_at_point),
                 observer=listeners,
                 create_only=create_only,
                 by=by,
@@ -194,7 +181,7 @@ def resume(
             result = resume_run(
                 run_file,
                 signals=signals(),
-                on_progress=_killing(heard(listeners, progress), kill_at_point),
+                on_progress=killing(heard(listeners, progress), kill_at_point),
                 bench=bench,
                 accept=frozenset(accept or ()),
                 dry_gap_s=gap,
@@ -281,15 +268,3 @@ def _outside_acceptance(result: Result) -> bool:
     acceptance = Acceptance.of(result.procedure, result.path)
     show(acceptance.blocks(), err)
     return acceptance.outside
-
-
-def _killing(show: Callable[[Progress], None], at_point: int | None) -> Callable[[Progress], None]:
-    if at_point is None:
-        return show
-
-    def show_or_die(news: Progress) -> None:
-        if news.done >= at_point:
-            os.kill(os.getpid(), SIGKILL)
-        show(news)
-
-    return show_or_die
