@@ -102,10 +102,11 @@ def attitude(seed: int) -> World:
 
 
 def pressure(seed: int) -> World:
-    """Transducers with a cubic term, in a shorter design."""
-    bench, procedure, truth, _ = _lab("pressure-lab", seed)
+    """Transducers with hysteresis, in a shorter design."""
+    bench, procedure, truth, rng = _lab("pressure-lab", seed)
     procedure["design"] |= {"centre": 2}
-    return World(bench, procedure, truth, frozenset({"pressure-third-order"}))
+    truth["effects"] = {"hysteresis": {"uV": dict.fromkeys(bench["sensors"], rng.uniform(8.0, 20.0))}}
+    return World(bench, procedure, truth, frozenset({"hysteresis"}))
 
 
 KINDS: dict[str, Callable[[int], World]] = {

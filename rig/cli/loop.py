@@ -30,7 +30,7 @@ from rig.errors import ExitCode, UsageError
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.terminal import show
 from rig.run_file.read.reader import RunReader
-from rig.unattended import Listeners, RunFacts
+from rig.unattended import Listeners, RunFacts, ServiceManager
 from rig.who import operator
 
 if TYPE_CHECKING:
@@ -115,10 +115,22 @@ def loop(
 
 
 def resume_of_loop(
-    path: Path, gap: float, asked: Listening, operator_name: str | None, *, as_json: bool = False
+    path: Path,
+    gap: float,
+    asked: Listening,
+    operator_name: str | None,
+    *,
+    as_json: bool = False,
+    unless_stopped: bool = False,
 ) -> int:
-    """`rig resume` of a program file."""
-    from rig.loop import resume_loop  # noqa: PLC0415
+    """`rig resume` of a program file; with `unless_stopped` not if a person stopped its open run."""
+    from rig.loop import open_program, resume_loop, stopped_run  # noqa: PLC0415
+
+    if unless_stopped and (run := stopped_run(open_program(path))) is not None:
+        ServiceManager().ended("stopped by rig stop")
+        words = f"{run} was stopped by a person; rig resume {shell_word(path)} goes on with the loop"
+        err.print(escape(words), soft_wrap=True)
+        return ExitCode.STOPPED
 
     asked = _of_file(asked, path)
     return conducted(lambda how: resume_loop(path, dry_gap_s=gap, **how), asked, operator_name, as_json=as_json)
@@ -176,6 +188,7 @@ def conducted(
     by = operator(operator_name)
     facts = RunFacts(None, "", "", "", simulated=asked.dry)
     with listening(facts, asked, lambda text: err.print(f"[bold yellow]{escape(text)}[/]", soft_wrap=True)) as ears:
+        ears.lasts()  # a loop goes on after a run has parked
         told = _Told(ears, as_json=as_json)
         with run_progress(simulated=asked.dry) as progress:
             ending = begin(

@@ -159,10 +159,10 @@ def resume(
     if run_file.name.endswith(LOOP_SUFFIX):
         from rig.cli.loop import resume_of_loop  # noqa: PLC0415
 
-        if bench is not None or accept or kill_at_point is not None or unless_stopped:
+        if bench is not None or accept or kill_at_point is not None:
             raise UsageError("of the options about the bench, only --gap is for a loop: resume its open run with them")
-        return resume_of_loop(run_file, gap, Listening(log, log_format, notify, notify_file, dry=False, strict=False),
-                              operator_name)  # fmt: skip
+        heard_by = Listening(log, log_format, notify, notify_file, dry=False, strict=False)
+        return resume_of_loop(run_file, gap, heard_by, operator_name, unless_stopped=unless_stopped)
     by = operator(operator_name)
     check_added_to(log, [run_file, bench, notify_file])
     with RunReader.open(run_file) as reader:

@@ -24,6 +24,7 @@ from rig.run_file.live import controller_alive
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.elsewhere import goes_on_in
 from rig.run_file.state.state import RunState
+from rig.run_file.verify.verification import LOOP_SUFFIX
 from rig.unattended import RunFacts
 from rig.unattended.systemd_unit import WATCHDOG_S, ServiceUnit, patience_s
 
@@ -111,6 +112,11 @@ def _refused(run_file: Path) -> ExitCode | None:
         RunFileError: the file is broken and cannot be resumed.
         UsageError: the run is complete.
     """
+    if run_file.name.endswith(LOOP_SUFFIX):
+        from rig.loop import open_program  # noqa: PLC0415 - few files are loops
+
+        if open_program(run_file).closed is not None:
+            raise UsageError(f"{run_file} is closed: there is nothing to continue")
     state = RunState()
     with RunReader.open(run_file) as reader:
         reader.verify(state.add)

@@ -4,7 +4,7 @@ The public face: `start_loop`, `resume_loop`, `continue_loop`, and the state of 
 """
 
 from rig.loop.ends import Ending, Told
-from rig.loop.program import SUFFIX, Program, is_loop, open_program
+from rig.loop.program import SUFFIX, Program, open_program, stopped_run
 from rig.loop.sessions import continue_loop, resume_loop, start_loop
 from rig.loop.shown import blocks, to_json
 from rig.loop.verified import findings_of_runs
@@ -17,9 +17,9 @@ __all__ = [
     "blocks",
     "continue_loop",
     "findings_of_runs",
-    "is_loop",
     "open_program",
     "resume_loop",
     "start_loop",
+    "stopped_run",
     "to_json",
 ]

@@ -30,7 +30,7 @@ from rig.run_file.events.loops import (
     LoopWrote,
 )
 from rig.run_file.read.reader import RunReader
-from rig.run_file.state.state import RunState
+from rig.run_file.state.state import RunState, read_state
 from rig.run_file.verify.verification import LOOP, LOOP_SUFFIX
 
 SUFFIX = LOOP_SUFFIX
@@ -189,14 +189,6 @@ class Program:
         return f"{self.path.name.removesuffix(SUFFIX)}{more}"
 
 
-def is_loop(path: Path) -> bool:
-    """Whether a file is a program file, by its name and its documents. Raises `RunFileError` if it cannot be read."""
-    if not path.name.endswith(SUFFIX) or not path.exists():
-        return False
-    with RunReader.open(path) as reader:
-        return SETTINGS in reader.documents()
-
-
 def read_program(reader: RunReader) -> Program:
     """The state of a loop. Raises `RunFileError`, or `UsageError` if the file is no program file."""
     documents = dict(reader.documents())
@@ -206,6 +198,15 @@ def read_program(reader: RunReader) -> Program:
     program = Program(reader.path, validated(Bounds, parse_toml(text, SETTINGS), SETTINGS), documents)
     reader.verify(program.add)
     return program
+
+
+def stopped_run(program: Program) -> Path | None:
+    """File of the open run, if a person stopped it. Raises `RunFileError` if it cannot be read."""
+    run = program.open_run
+    if run is None or not program.file_of(run).exists():
+        return None
+    with RunReader.open(program.file_of(run)) as reader:
+        return program.file_of(run) if read_state(reader).rested == "stopped" else None
 
 
 def open_program(path: Path) -> Program:

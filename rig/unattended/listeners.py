@@ -71,6 +71,10 @@ class Listeners:
         """Note that the run file exists."""
         self.facts = replace(self.facts, path=path, run_id=run_id)
 
+    def lasts(self) -> None:
+        """Note that this process goes on after a run has parked: the service manager is not told that it stops."""
+        self._manager.lasts = True
+
     # --- what the controller calls --------------------------------------------------------------------------------
 
     def recorded(self, record: Record) -> None:

@@ -35,6 +35,7 @@ class ServiceManager:
         self._clock = clock or RealClock()
         self._address = _address(env.get("NOTIFY_SOCKET", ""))
         self._watchdog_s = _watchdog_s(env)
+        self.lasts = False
         self._ready = False
         self._stopping = False
         self._alive = self._told = float("-inf")
@@ -62,7 +63,7 @@ class ServiceManager:
             if status != self._status:
                 self._status = status
                 lines.append(f"STATUS={status}")
-        if news.state == State.PARKING and not self._stopping:
+        if news.state == State.PARKING and not self._stopping and not self.lasts:
             self._stopping = True
             lines.append("STOPPING=1")
         if (lines or self._unsent) and self._send(lines) and alive:

@@ -19,7 +19,7 @@ from proving.disk import Disk
 from rig.bench.config import parse_bench
 from rig.drivers.errors import NoReply
 from rig.engine.gap import Gap
-from rig.engine.session import Outcome, Signals
+from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import BenchFault, BusyError, ConfigurationError, ExitCode, UsageError
 from rig.examples import example
 from rig.instruments.locks import locked_addresses
@@ -27,6 +27,7 @@ from rig.loop import continue_loop, findings_of_runs, open_program, resume_loop,
 from rig.loop.decide import Left, decide
 from rig.loop.timeline import Timeline, seconds_until
 from rig.procedures.plan.settings import LoopSettings
+from rig.run_file.live import send_request
 from rig.run_file.state.state import RunState
 from rig.run_file.verify.verification import verify_file
 from rig.runs.controller import Site, opened
@@ -238,6 +239,27 @@ def test_only_a_closed_loop_is_continued_and_then_it_goes_on(
     assert copied.with_name(f"{program.name}.html").exists()
     assert program.name.endswith("-continued-1")
     assert verify_file(copied).whole
+
+
+def test_a_person_stops_its_run_and_a_service_leaves_it_so(tmp_path: Path, evaluations: Evaluations):
+    asked: list[str] = []
+
+    def stop(news: Progress) -> None:
+        if news.done == 5 and not asked:
+            asked.extend(send_request(run, "stop") or "" for run in tmp_path.glob("*-1.sqlite"))
+
+    loop = CrashedLoop(tmp_path, evaluations, {"on_progress": stop}, ends=Outcome.STOPPED)
+    assert loop.go_on()
+    left = rig("resume", loop.path, "--unless-stopped")
+    assert left.returncode == ExitCode.STOPPED
+    assert "was stopped by a person" in left.stderr
+    program = open_program(loop.path)
+    assert program.runs[0].ended is None
+    loop.how, loop.ends = {}, Outcome.COMPLETE
+    assert loop.go_on()
+    assert loop.judge() == ""
+    refused = rig("service", loop.path)
+    assert (refused.returncode, "there is nothing to continue" in refused.stderr) == (ExitCode.USAGE, True)
 
 
 # --- decisions --------------------------------------------------------------------------------------------------------

@@ -117,6 +117,10 @@ def test_alive_only_as_long_as_the_sequencer_says_so_and_at_half_the_watchdogs_t
     assert manager.heard() == []
     service.progress(news("parking", 12))
     assert manager.heard()[-1] == "STOPPING=1"
+    lasting = ServiceManager(env, clock)
+    lasting.lasts = True  # a loop, which goes on after a run has parked
+    lasting.progress(news("parking", 12))
+    assert "STOPPING=1" not in manager.heard()
     for other in ({**env, "WATCHDOG_PID": "1"}, {**env, "WATCHDOG_USEC": "soon"}):
         ServiceManager(other, clock).progress(news())
         assert "WATCHDOG=1" not in manager.heard()
