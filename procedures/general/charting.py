@@ -164,12 +164,14 @@ class GeneralCharting(Charting):
         )
 
     def of_file(self, content: Mapping[str, Any], source: str) -> Calibrations:
-        """Calibrations of one response, or of every sensor of a run; they have no date of their own."""
+        """Calibrations of one response, or of every sensor of a run; those of tables have no date of their own."""
         each = content["sensors"].values() if "sensors" in content else [content]
         curves = [CurveCalibration.from_dict(one["calibration"]) for one in each if "calibration" in one]
         sensors = {curve.response: curve for curve in curves}
         simulated = bool(content["data"].get("simulated"))
-        return Calibrations(sensors, dict.fromkeys(sensors, ()), simulated, {"file": PurePath(source).name})
+        return Calibrations(
+            sensors, dict.fromkeys(sensors, ()), simulated, {**content["data"], "file": PurePath(source).name}
+        )
 
     def view(self, every: Sequence[CurveCalibration], years: FloatArray, usage: float | None) -> View:
         """Use over the common range of all calibrations."""

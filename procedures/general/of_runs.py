@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+from rich.markup import escape
+
 from rig.fitter.effects.history import NOTHING, Laboratory
 from rig.fitter.errors import FitError
 from rig.fitter.formula import Formula
@@ -20,8 +22,8 @@ from rig.procedures.general.declared import Declared
 from rig.procedures.general.evaluate import IGNORED, GeneralTraced, trace_general_table
 from rig.procedures.general.fit import fit_general
 from rig.procedures.general.model_settings import ModelSettings, SensorModel
-from rig.procedures.general.shown import show_general_fit
-from rig.procedures.present.blocks import Block, Line
+from rig.procedures.general.shown import show_general_fit, show_general_trace
+from rig.procedures.present.blocks import Block, Line, Paragraph
 from rig.procedures.tables.table import Reader, Table
 from rig.procedures.tables.unused import RECORDED
 
@@ -178,7 +180,8 @@ def fit_run(asked: RunModels, leave_out: Sequence[str] = (), at: Sequence[Mappin
     found = {}
     for column, model in asked.models.items():
         declared = declared_of(model, table)
-        found[column] = _noted(fit_general(read, column, None, plots, None, leave_out, declared, at=at), notes)
+        one = fit_general(read, column, None, plots, None, leave_out, declared, at=at)
+        found[column] = _noted({**one, "data": {**one["data"], **table.provenance}}, notes)
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
     first = next(iter(found.values()))
@@ -229,9 +232,18 @@ class RunTraced:
         return together | common | ({"not_traced": list(self.not_traced)} if self.not_traced else {})
 
     def blocks(self) -> Iterator[Block]:
-        """Blocks for people."""
-        for one in self.each.values():
-            yield from one.blocks()
+        """Blocks for people; what is so of every sensor stands once, after them."""
+        every = [(one.to_json(), one.outcome) for one in self.each.values()]
+        notes = [found["notes"] for told, _ in every for found in told["sensors"].values()]
+        of_all = [note for note in notes[0] if len(notes) > 1 and all(note in own for own in notes)]
+        for told, outcome in every:
+            own = {
+                name: found | {"notes": [note for note in found["notes"] if note not in of_all]}
+                for name, found in told["sensors"].items()
+            }
+            yield from show_general_trace(told | {"sensors": own}, outcome)
+        for note in of_all:
+            yield Paragraph(f"[dim]all sensors: {escape(note)}[/]", 2)
         for shared in self.common:
             yield Line(shared.sentence)
         if self.not_traced:

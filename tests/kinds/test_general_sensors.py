@@ -193,6 +193,17 @@ def test_runs_of_several_sensors_are_charted_with_their_dates(run, tmp_path):
     assert [one["date"] for one in told["data"]["calibrations"]][1] == "2027-01-05"
 
 
+def test_a_calibration_file_of_a_run_has_the_date_of_the_run(run, tmp_path):
+    later, _ = run_dry(
+        tmp_path, PROCEDURE, TWO, WORLD_OF_TWO.replace("seed = 3", "seed = 8\nepoch = 2027-01-05T00:00:00Z")
+    )
+    for k, one in enumerate((run, later)):
+        assert rig("fit", one, "--out", str(tmp_path / f"{k}.json")).returncode == 0
+    done = rig("chart", str(tmp_path / "0.json"), str(tmp_path / "1.json"), "--json")
+    assert done.returncode == 0, done.stderr
+    assert [one["date"] for one in json.loads(done.stdout)["data"]["calibrations"]][1] == "2027-01-05"
+
+
 # --- chance ---------------------------------------------------------------------------------------------------
 
 
