@@ -50,6 +50,9 @@ def serve_bench(
     check_options(config, str(bench))
     text = "" if world is None else read_text(world, "world")
     found = register_beside(config, bench)
+    if found is not None and live.parent.resolve() != bench.parent.resolve():
+        # The file with the addresses stands elsewhere, and its runs read the same register.
+        config = config.model_copy(update={"equipment": str(found[0].resolve())})
     truth = dated(parse_toml(text, str(world)), config, None if found is None else found[1])
     announce("SIMULATED bench; no instrument is real")
     try:
