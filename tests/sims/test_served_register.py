@@ -23,5 +23,5 @@ def test_the_register_is_found_from_another_folder(
     monkeypatch.setattr(served, "serve", lambda config, *_, **__: told.append(config))
     live = (other if elsewhere else lab) / "LIVE.toml"
     served.serve_bench(lab / "bench.toml", lab / "world.toml", 1.0, live, None, None, lambda _: None)
-    written = Path(told[0].get("equipment", "equipment.toml"))
+    written = Path(told[0].get("equipment") or "equipment.toml")
     assert (live.parent / written).resolve() == lab / "equipment.toml"
