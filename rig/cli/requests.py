@@ -17,12 +17,15 @@ from rig.procedures.present.shell import shell_word
 from rig.run_file.live import asked_by_hand, controller_alive, live_path, read_json, send_request
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.state import read_state
+from rig.run_file.verify.verification import LOOP_SUFFIX
 from rig.who import operator
 
 
 def _ask(run_file: Path, verb: str, **more: Any) -> int:
     if not run_file.is_file():
         raise UsageError(f"there is no run file {run_file}")
+    if run_file.name.endswith(LOOP_SUFFIX):
+        run_file = _run_of_loop(run_file)
     from rig.drivers.clock import RealClock  # noqa: PLC0415
 
     clock = RealClock()
@@ -53,6 +56,17 @@ def _ask(run_file: Path, verb: str, **more: Any) -> int:
         raise UsageError(refused)
     err.print(f"{verb}: acknowledged")
     return ExitCode.DONE
+
+
+def _run_of_loop(path: Path) -> Path:
+    """The run at which a loop is. Raises `UsageError` between two runs."""
+    from rig.loop import open_program  # noqa: PLC0415 - few files are loops
+
+    program = open_program(path)
+    run = program.open_run
+    if run is None or not program.file_of(run).exists():
+        raise UsageError(f"no run of {path} is at work; `rig status {shell_word(path)}` shows its state")
+    return program.file_of(run)
 
 
 def _ended(run_file: Path, verb: str) -> int:

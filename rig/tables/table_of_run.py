@@ -34,6 +34,7 @@ from rig.run_file.read.reader import RunReader
 from rig.run_file.state.corrected import Corrections
 from rig.run_file.state.documents import Stored, declared_model, kind_of_run, mounting_of
 from rig.run_file.state.state import read_state
+from rig.run_file.verify.verification import LOOP
 from rig.tables.behind_rows import evidence_of, fill_flags, within_points
 from rig.tables.own_times import keep_those_that_differ, own_times, typed_in
 from rig.tables.set_in import put_in_place, setters_of
@@ -100,7 +101,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         head, ended = reader.head()[1], not salvage and any(True for _ in reader.records(Ended.kind))
         skipped = [] if salvage else _skipped(reader, run_list)
     if not rows:
-        raise RunFileError(f"{path} holds no observations yet; `rig resume {shell_word(path)}` measures some")
+        raise _without_rows(path, documents)
     set_in = _fill(rows, run_list, made, bench, settings)
     columns = {name: np.array([row.get(name, math.nan) for row in rows], float) for name in _all_names(rows)}
     provenance = {
@@ -131,6 +132,14 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
     about = Table(str(path), _package_temperature(columns, bench), run.simulated, provenance)
     about = replace(_of_sensors(about, bench, run_list, set_in), within=within_points(used))
     return replace(about, declared=declared_model(documents), kind=kind_of_run(documents), by_hand=made)
+
+
+def _without_rows(path: Path, documents: Mapping[str, str]) -> RunFileError:
+    if LOOP in documents:
+        return RunFileError(
+            f"{path} is the program file of a loop, without observations of its own: name one of its runs"
+        )
+    return RunFileError(f"{path} holds no observations yet; `rig resume {shell_word(path)}` measures some")
 
 
 def _of_sensors(table: Table, bench: Stored, run_list: RunList, set_in: Mapping[str, str]) -> Table:

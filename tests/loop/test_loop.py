@@ -113,6 +113,13 @@ def test_a_closed_loop_is_not_touched_by_a_resume(copied: Path):
     assert copied.read_bytes() == before
 
 
+def test_a_loop_is_no_run_and_says_so(copied: Path):
+    done = rig("fit", copied)
+    assert (done.returncode, "name one of its runs" in done.stderr) == (ExitCode.FAULT, True)
+    done = rig("stop", copied)
+    assert (done.returncode, "is at work; `rig status" in done.stderr) == (ExitCode.USAGE, True)
+
+
 def test_status_of_a_loop_and_of_its_folder(copied: Path):
     done = rig("status", copied, "--check")
     assert done.returncode == ExitCode.DONE
