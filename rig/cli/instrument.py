@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import tomllib
 from enum import StrEnum
 from pathlib import Path
@@ -151,6 +152,10 @@ def _check(
 
     if address and len(names) > 1:
         raise UsageError("one address is one instrument: name one file")
+    if address and setpoint is not None:  # however it is ended, the instrument is left in its safe state
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, signal.default_int_handler)
     found = [check(*text_named(name), address, options, setpoint, wait) for name in names]
     if report is not None:
         pages = "\n".join(one.report() for one in found)

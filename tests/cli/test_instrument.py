@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import signal
 import socketserver
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -80,6 +84,27 @@ def test_a_real_one_is_asked_and_not_told_unless_that_is_wanted(file, stranger):
     heard.clear()
     done = rig("instrument", "check", file, "--address", address, "--option", "dwell_s = 0", "--set", "30")
     assert done.returncode == 0, done.stdout + done.stderr
+    assert [line for line in heard if line.startswith("out")] == ["out_sp_00 30.00", "out_mode_05 1", "out_mode_05 0"]
+
+
+def test_a_value_that_is_refused_is_not_waited_for(file):
+    done = rig("instrument", "check", file, "--set", "999", "--json")
+    assert done.returncode == 1
+    *_, last, safe = json.loads(done.stdout)[0]["steps"]
+    assert (last["what"], last["ok"]) == ("set 999 degC", False)
+    assert (safe["what"], safe["ok"]) == ("safe state", True)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_instrument_is_left_safe_when_its_check_is_ended_while_it_settles(file, stranger, number):
+    address, heard = stranger
+    words = ["instrument", "check", str(file), "--address", address, "--set", "30"]
+    process = subprocess.Popen([sys.executable, "-m", "rig", *words], stdout=subprocess.DEVNULL)
+    while heard.count("in_pv_00") < 3:  # before it is set, after that, and settling
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            raise AssertionError(f"it ended with {process.wait(0.05)}")
+    process.send_signal(number)
+    assert process.wait(20) == 130
     assert [line for line in heard if line.startswith("out")] == ["out_sp_00 30.00", "out_mode_05 1", "out_mode_05 0"]
 
 

@@ -117,16 +117,21 @@ def check(
     said = "; ".join(wrong) or f"{len(table.examples)} questions and answers of the file are read as it says"
     steps.append(Step("examples in the file", found=said, ok=not wrong))
     with _opened(text, table, address, options, tap) as (driver, clock):
-        for step, act in _steps(driver, table, clock, setpoint, wait_s):
-            heard.clear()
-            try:
-                step.found = act() or "done"
-            except (DriverError, RigError) as error:
-                step.found, step.ok = str(error), False
-            step.wire = _joined(heard)
-            steps.append(step)
-            if not step.ok and step.what == "identity":
-                break
+        try:
+            for step, act in _steps(driver, table, clock, setpoint, wait_s):
+                heard.clear()
+                try:
+                    step.found = act() or "done"
+                except (DriverError, RigError) as error:
+                    step.found, step.ok = str(error), False
+                step.wire = _joined(heard)
+                steps.append(step)
+                if not step.ok and step.what == "identity":
+                    break
+        except BaseException:  # also somebody's Ctrl-C while it settles
+            if setpoint is not None and isinstance(driver, Source):
+                driver.make_safe()
+            raise
     digest = hashlib.sha256(text.rstrip("\n").encode()).hexdigest()
     what = f"{table.maker} {', '.join(table.model)}".strip()
     return Checked(
@@ -267,8 +272,10 @@ def _steps(
 
         yield Step("state"), state
         if setpoint is not None:
-            yield Step(f"set {setpoint:g} {driver.unit()}"), lambda: anything.set(setpoint) or ""
-            yield Step("settle"), lambda: _settled(driver, clock, wait_s)
+            took = Step(f"set {setpoint:g} {driver.unit()}")
+            yield took, lambda: anything.set(setpoint) or ""
+            if took.ok:
+                yield Step("settle"), lambda: _settled(driver, clock, wait_s)
             yield Step("safe state"), lambda: anything.make_safe() or state()
 
 
