@@ -15,6 +15,7 @@ from command import rig
 from test_declared import BATH
 
 from rig.verbs.instrument.new import asked, form_of, lacking
+from rig.verbs.instrument.scan import SCPI
 
 EXAMPLES = 'examples = [["in_sp_00", "25.00"], ["out_mode_05 1", ""], ["version", "ACME B1 V2"]]\n'
 
@@ -151,9 +152,14 @@ def test_a_new_file_is_whole(wire, role):
     assert lacking(text) == ""
 
 
-def test_a_scan_asks_who_is_there_and_nothing_else(stranger):
+def test_a_scan_asks_who_is_there_and_nothing_else(stranger, monkeypatch):
     address, heard = stranger
-    rig("instrument", "scan", address)
+    quick = BATH.replace("[wire]", "[wire]\ntimeout_s = 0.05")
+    other = quick.replace('ask = "version"', 'ask = "*ver"')
+    monkeypatch.setattr("rig.verbs.instrument.scan.SCPI", SCPI.replace("timeout_s = 1", "timeout_s = 0.05"))
+    monkeypatch.setattr("rig.verbs.instrument.scan.declared", lambda: {"acme-b1": quick, "other": other})
+    done = rig("instrument", "scan", address, "--json")
+    assert [one["driver"] for one in json.loads(done.stdout)] == ["acme-b1"]
     assert not [line for line in heard if line.startswith("out")]
 
 

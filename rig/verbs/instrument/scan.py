@@ -54,8 +54,8 @@ def scan(address: str, clock: Clock, only: Sequence[str] = ()) -> Iterator[tuple
             table = parse(text)
             if table.modbus != modbus or table.wire.protocol == "stream" or table.wire.preamble:
                 continue
-            asked = (str(table.identity), table.wire.baud, table.wire.frame, table.wire.send_end, table.wire.request)
-            key = (asked[0].partition("answer=")[0], *asked[1:])
+            wire, question = table.wire, str(table.identity).partition("answer=")[0]
+            key = (question, wire.send_end, wire.request, () if "://" in address else (wire.baud, wire.frame))
             if key in silent:
                 continue
             driver = driver_class(text)
