@@ -2,8 +2,8 @@
 
 A laboratory adds effects without changing this project, by one or both of:
 
-- an installed package with entry points of the group `rig.effects`, each an entry of a kind's catalogue, or a tuple of
-  them;
+- an installed package with entry points of the group `rig.effects`, each an entry of a kind's catalogue, a tuple of
+  them, or what `own_effects` makes of a text;
 - a TOML file named by the environment variable `RIG_EFFECTS` (its format is in `fitter/effects/own.py`).
 """
 
@@ -41,6 +41,10 @@ def _installed() -> tuple[Entry, ...]:
     found: list[Entry] = []
     for point in entry_points(GROUP):
         given = point.load()
+        if isinstance(given, Laboratory):
+            if given.history.calibrations:
+                raise ConfigurationError(f"entry point {point.name} of {GROUP} has a history: declare it in {VARIABLE}")
+            given = given.effects
         effects = given if isinstance(given, tuple) else (given,)
         if not all(isinstance(effect, Entry) for effect in effects):
             raise ConfigurationError(
