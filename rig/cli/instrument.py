@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
 from rig.cli.commands import app
 from rig.cli.options import JsonOption
@@ -80,7 +80,9 @@ def _list(*, as_json: bool) -> int:
     if as_json:
         print_json(rows)
         return ExitCode.DONE
-    table = Table("driver", "is", "roles", "wire", "tried", box=None, pad_edge=False)
+    # A line each, whatever the width: `show` prints all of it.
+    what = Column("is", no_wrap=True, ratio=1)
+    table = Table("driver", what, "roles", "wire", "tried", box=None, pad_edge=False, expand=True)
     for row in rows:
         table.add_row(*(escape(one) for one in row.values()))
     out.print(table)
