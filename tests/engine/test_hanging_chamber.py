@@ -14,19 +14,18 @@ RUN_LIST = PROCEDURE.expand()
 CHAMBERS = dict(zip((f.name for f in RUN_LIST.hard), ("cold_box", "hot_box"), strict=True))
 POINT = RUN_LIST.points[0]
 GAP_S = PROCEDURE.recovery.continue_gap_s
-FINE_DISPLAY = {chamber: SimpleNamespace(coarse=False) for chamber in CHAMBERS.values()}
 LONGER = f"min, longer than continue_gap_s = {GAP_S:g} s"
 RESTARTED = "the controller's machine was restarted, so it is not known how long the bench was left alone"
 
 
 def rules(steps, coarse=False):
     """After points of one whole plot, at which the cold box read so much more than its setpoint."""
-    chambers = dict.fromkeys(CHAMBERS.values(), SimpleNamespace(coarse=coarse))
     bench = SimpleNamespace(
         soaks=lambda factor: (CHAMBERS[factor], None),
         instruments={},
         by_hand=lambda factor: None,
-        config=SimpleNamespace(factors={}, thermometers=lambda factor: (), instruments=chambers),
+        coarse=lambda chamber: coarse,
+        config=SimpleNamespace(factors={}, thermometers=lambda factor: ()),
     )
     found = WholePlots(bench, RUN_LIST, PROCEDURE.conduct.whole_plots)
     for off in steps:
@@ -161,7 +160,8 @@ def with_thermometers():
         soaks=lambda factor: (CHAMBERS[factor], None),
         instruments={},
         by_hand=lambda factor: None,
-        config=SimpleNamespace(factors={}, thermometers=lambda factor: (factor,), instruments=FINE_DISPLAY),
+        coarse=lambda chamber: False,
+        config=SimpleNamespace(factors={}, thermometers=lambda factor: (factor,)),
     )
     return WholePlots(bench, RUN_LIST, PROCEDURE.conduct.whole_plots)
 
