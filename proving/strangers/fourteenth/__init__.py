@@ -1,8 +1,0 @@
-"""Simulated calibration tables with hidden physical causes. table(kind, effects, seed, size, noise)."""
-from . import attitude, general, whole_plots
-
-KINDS = {"attitude": attitude, "whole_plots": whole_plots, "general": general}
-
-
-def table(kind, effects, seed, size, noise="white"):
-    return KINDS[kind].table(effects, seed, size, noise)
