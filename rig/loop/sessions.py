@@ -40,7 +40,9 @@ _LONGEST_H = 30 * 24.0
 
 
 def bounds_of(plan: Plan, until: str | None, hours: float | None) -> LoopSettings:
-    """Bounds of a loop: those of its procedure, with the given end. Raises `UsageError` without an end."""
+    """Bounds of a loop: those of its procedure, with the given end. Raises `UsageError` without an end, or with two."""
+    if until is not None and hours is not None:
+        raise UsageError("--until and --hours both say when the loop ends; leave one out")
     bounds: LoopSettings = getattr(plan.procedure, "loop", LoopSettings())
     if until is not None or hours is not None:
         bounds = bounds.model_copy(update={"until": until, "hours": hours})

@@ -230,6 +230,8 @@ def test_without_an_end_or_time_for_the_first_run_nothing_begins(tmp_path: Path)
         begin(tmp_path, dry=True)
     with pytest.raises(UsageError, match="the first run alone takes 7 min"):
         begin(tmp_path, dry=True, hours=0.05)
+    with pytest.raises(UsageError, match="both say when the loop ends"):
+        begin(tmp_path, dry=True, hours=3, until="07:00")
     assert not list((tmp_path).glob("runs/*.sqlite"))
 
 
