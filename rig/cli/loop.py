@@ -26,7 +26,7 @@ from rig.cli.unattended import (
     listening,
 )
 from rig.engine.session import Outcome
-from rig.errors import ExitCode, UsageError
+from rig.errors import ExitCode, RigError, UsageError
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.terminal import show
 from rig.run_file.read.reader import RunReader
@@ -34,7 +34,7 @@ from rig.unattended import Listeners, RunFacts, ServiceManager
 from rig.who import operator
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from rig.loop import Ending
     from rig.run_file.chain import Record
@@ -148,9 +148,11 @@ class _Told:
     def __init__(self, listeners: Listeners, *, as_json: bool) -> None:
         self._listeners, self._json = listeners, as_json
         self.simulated = False
+        self.path: Path | None = None
 
     def begins(self, path: Path, plan: Plan, asked: Listening) -> None:
         """The program file exists."""
+        self.path = path
         self.simulated = plan.dry or plan.bench.simulated
         with contextlib.suppress(OSError):  # output without a reader; the loop is more important
             (err if self._json else out).print(escape(str(path)), soft_wrap=True)
@@ -174,6 +176,17 @@ class _Told:
                 err.print(f"{mark(self.simulated)}[bold]{clock_time(record.utc_s)}[/]: {words}", soft_wrap=True)
 
 
+@contextlib.contextmanager
+def _goes_on(told: _Told) -> Iterator[None]:
+    """Say how a loop goes on whose session ends by an error."""
+    try:
+        yield
+    except RigError:
+        if told.path is not None:
+            err.print(f"the loop goes on with: rig resume {escape(shell_word(told.path))}", soft_wrap=True)
+        raise
+
+
 def conducted(
     begin: Callable[[dict[str, Any]], Ending],
     asked: Listening,
@@ -190,7 +203,7 @@ def conducted(
     with listening(facts, asked, lambda text: err.print(f"[bold yellow]{escape(text)}[/]", soft_wrap=True)) as ears:
         ears.lasts()  # a loop goes on after a run has parked
         told = _Told(ears, as_json=as_json)
-        with run_progress(simulated=asked.dry) as progress:
+        with run_progress(simulated=asked.dry) as progress, _goes_on(told):
             ending = begin(
                 {
                     "signals": signals(),
