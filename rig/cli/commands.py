@@ -46,6 +46,11 @@ COMMANDS = {
         "rig.cli.plan",
         "Forecast a run: number of points, time of its end, precision, and problems.",
     ),
+    "new": Entry(
+        _RUNNING,
+        "rig.cli.new",
+        "Ask what you set and read, show the plan, and write bench, procedure and register.",
+    ),
     "instrument": Entry(
         _RUNNING,
         "rig.cli.instrument",

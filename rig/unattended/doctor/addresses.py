@@ -66,9 +66,14 @@ def _check_device(check: str, device: Path, holders: Mapping[str, str]) -> Findi
     return ok(check, str(device) if real == str(device) else f"{device} -> {real}")
 
 
-def _where_else(device: Path) -> str:
+def serial_ports() -> list[str]:
+    """Serial ports that are present, by names that stay if there are any; nothing is opened."""
     links = sorted(Path("/dev/serial/by-id").glob("*")) if Path("/dev/serial/by-id").is_dir() else []
-    ports = [str(p) for p in links] or sorted(str(p) for p in Path("/dev").glob("tty[UA][SC][BM]*"))
+    return [str(p) for p in links] or sorted(str(p) for p in Path("/dev").glob("tty[UA][SC][BM]*"))
+
+
+def _where_else(device: Path) -> str:
+    ports = serial_ports()
     present = f"serial ports present: {', '.join(ports[:6])}" if ports else "no USB serial port is present"
     rule = "; a udev rule makes the name (docs/how_to/unattended.md)" if str(device).startswith("/dev/rig/") else ""
     return f"switch it on and connect it, or correct the address; {present}{rule}"
