@@ -71,6 +71,14 @@ def anchors(document: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
+def test_every_page_is_in_a_list_of_the_site():
+    """`make docs` refuses another one; it is not run with these tests."""
+    docs = ROOT / "docs"
+    listed = set((docs / "index.md").read_text(encoding="utf-8").splitlines())
+    pages = {page.relative_to(docs).with_suffix("").as_posix() for page in docs.rglob("*.md")}
+    assert sorted(page for page in pages - listed if page != "index" and not page.startswith("decisions/0")) == []
+
+
 def test_links_between_documents_lead_somewhere():
     for document in documents():
         for target, anchor in re.findall(r"\]\(([^)#:]*)(?:#([^)]*))?\)", document.read_text()):
