@@ -14,11 +14,15 @@ from rig.cli.commands import app
 from rig.cli.progress import run_progress
 from rig.cli.show import err, out, show_notes
 from rig.errors import ExitCode, RigError
+from rig.procedures.present.blocks import Line
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.terminal import show
 
 if TYPE_CHECKING:
     from rig.new.questions import Question
+
+_CERTIFICATE = "a certificate would"
+"""In the lines of a plan that say what a certificate lacks; all are missing from a first register."""
 
 
 @app.command()
@@ -85,8 +89,12 @@ def _plan(files: dict[str, str]) -> None:
             with run_progress(simulated=True) as progress:
                 planned = plan(folder / "procedure.toml", folder / "bench.toml", out=Path(), on_progress=progress)
         except RigError as error:
-            raise type(error)(str(error).replace(f"{folder}/", "")) from error
-        show(planned.blocks(), out)
+            error.args = (str(error).replace(f"{folder}/", ""),)
+            raise
+        later = [one for one in planned.blocks() if isinstance(one, Line) and _CERTIFICATE in one.text]
+        show((one for one in planned.blocks() if one not in later), out)
+        if later:
+            out.print(f"  a certificate needs {len(later)} things more, most in equipment.toml: `rig plan` lists them")
         show_notes(planned)
 
 

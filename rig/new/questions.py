@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import difflib
-import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from rig.bench.config import ADDRESSES
 from rig.drivers.errors import WrongAddress
 from rig.drivers.roles import Typing
 from rig.errors import UsageError
@@ -127,6 +125,10 @@ def _wired(part: str) -> Callable[[Answers], bool]:
 _PLACES = {"serial": "/dev/rig/{}", "modbus": "modbus-tcp://192.0.2.10:502/1", "can": "can:socketcan/can0"}
 
 
+_WHERE = "such as /dev/ttyUSB0, COM4, socket://HOST:5025, modbus-tcp://HOST:502/UNIT, visa://GPIB0::9::INSTR; "
+_WHERE += "? lists ports, ? ADDRESS asks there who it is"
+
+
 def _address(part: str) -> Question:
     def check(given: Any, answers: Answers) -> str:
         from rig.drivers.wires.addresses import parse_address  # noqa: PLC0415 - imports the wires
@@ -140,15 +142,14 @@ def _address(part: str) -> Question:
             raise ValueError(f"{found} belongs to a twin; write the instrument's own address, `--dry` replaces it")
         for other in PARTS[: PARTS.index(part)]:
             if answers.get(f"{other}_at") == found and not getattr(cls, "shares", False):
-                raise ValueError(f"{found} is the address of what {other}; each instrument has its own")
+                raise ValueError(f"{found} is the address of {answers[with_key(other)]}; each instrument has its own")
         return found
 
     def default(answers: Answers) -> str:
         return _PLACES[instruments.driver(answers[with_key(part)]).wire].format(part)
 
-    why = re.sub(r" \(\[.*", "", ADDRESSES.partition("; only a person")[0])
     return Question(
-        f"{part}_at", "Where is it connected?", f"{why}; ? lists ports, ? ADDRESS asks there who it is",
+        f"{part}_at", "Where is it connected?", _WHERE,
         default, check, when=_wired(part), port=True,
     )  # fmt: skip
 
