@@ -6,6 +6,7 @@ limits: nothing is sent.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
@@ -136,7 +137,11 @@ _LEVELS = {SETS: "levels", CHAMBER: "chamber_degC"}
 def offered(part: str, answers: Answers) -> dict[str, str]:
     """Instruments for a part of the bench, by driver name, each with what it is."""
     found = {NONE: "nothing: at the temperature of the room"} if part == CHAMBER else {}
-    return found | {name: _about(name) for name in drivers() if not unsuitable(part, name, answers)}
+    for name in drivers():
+        with contextlib.suppress(ConfigurationError):  # of another package, and it cannot be loaded
+            if not unsuitable(part, name, answers):
+                found[name] = _about(name)
+    return found
 
 
 def _about(name: str) -> str:

@@ -188,3 +188,9 @@ def test_instruments_are_offered_by_role_and_unit():
     found = instruments.offered("sets", {**answers, "sets_in": "degC"})
     assert {"julabo-fp50", "watlow-f4t", "person", "scpi-source"} <= set(found)
     assert not {"keithley-2400", "hp-3458a", "newport-esp301"} & set(found)
+
+
+def test_a_driver_that_cannot_be_loaded_is_not_offered_and_stops_nobody(monkeypatch):
+    answers = completed({}, "nothing")
+    monkeypatch.setattr(instruments, "drivers", lambda: ["hp-3458a", "of-another-package"])
+    assert list(instruments.offered("reads", answers)) == ["hp-3458a"]
