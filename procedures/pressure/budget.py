@@ -143,12 +143,17 @@ class Transducer:
         each = 1.0 / self.calibration.errors.subplot_sd(data.pressure_psia)
         columns = each[:, None] * self.fit.problem.formula.columns(data.table)[1]
         inside = (data.whole_plot[:, None] == data.whole_plots) * each[:, None]
-        # the ends of the range are reached from one side each: a curve that the model lacks is none of the sides
+        # The ends of the range are reached from one side each: a curve that the model lacks, and a sensitivity that is
+        # another one in each whole plot, are none of the sides.
+        slopes = inside * data.pressure_psia[:, None]
         levels, level = data.pressure_levels
         at_level = (level[:, None] == np.arange(len(levels))) * each[:, None]
         basis, side = orthonormal(np.column_stack([inside, columns, at_level])), data.pressure_side.astype(np.float64)
         left = project_out(each * data.outputs[self.name], basis)
-        found, test, _, _ = by_side(columns, basis, left, side, len(data.outputs))
+        wide = orthonormal(np.column_stack([basis, slopes]))
+        found, test, _, _ = by_side(columns, wide, project_out(left, wide), side, len(data.outputs))
+        if found is not None:  # its size is known better without slopes
+            found = by_side(columns, basis, left, side)[0]
         if self.by_side is not None:
             more = sides_of(reversed_by(columns, each * self.by_side, side, basis))
             found = more if found is None else found + more

@@ -268,8 +268,9 @@ class Disk(storage.Storage):
             self._room += len(content)
 
         def undo() -> None:
-            Path(name).write_bytes(content)
-            self._files[name] = cached
+            if Path(name).parent.exists():  # a folder that was taken away whole, as of a rehearsal, stays away
+                Path(name).write_bytes(content)
+                self._files[name] = cached
 
         self._entries.append(_Entry(os.path.dirname(name), undo))
         self.wrote()

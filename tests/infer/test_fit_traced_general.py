@@ -10,6 +10,7 @@ import pytest
 from command import rig
 from general_lab import PROCEDURE, WORLD, run_dry
 
+from rig.fitter.effects.history import NOTHING
 from rig.procedures.errors import DataError
 from rig.procedures.general.budget_traced import TracedEvaluation
 from rig.procedures.general.effects.time_columns import lagging
@@ -54,7 +55,7 @@ def in_air(tmp_path_factory):
 def test_an_effect_of_a_recorded_temperature_is_in_the_calibration_and_needs_it_of_the_readings(in_air):
     asked = RunModels.of(in_air)
     assert asked is not None
-    told = fit_traced(asked, (), ()).to_json()
+    told = fit_traced(asked, (), NOTHING).to_json()
     assert any("readings in use need air_degC (14" in note for note in told["calibration"]["notes"])
     calibration = CurveCalibration.from_dict(told["calibration"])
     truth = 0.1 + 0.5 * 3.0 + 0.004 * -5.0
@@ -79,7 +80,7 @@ def test_of_a_lag_of_a_recorded_quantity_what_stays_at_rest_is_in_the_calibratio
     table = replace(in_air, columns={**in_air.columns, "cell_V": plain + 0.004 * (late - 20.0)})
     asked = RunModels.of(table)
     assert asked is not None
-    told = fit_traced(asked, (), ()).to_json()
+    told = fit_traced(asked, (), NOTHING).to_json()
     found = {name: one["estimate"] for name, one in told["coefficients"].items()}
     (slope,) = (size for name, size in found.items() if "air_degC" in name)
     assert slope == pytest.approx(0.004, rel=0.03)
