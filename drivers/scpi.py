@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator
 
 from rig.drivers.clock import Clock
-from rig.drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
+from rig.drivers.errors import BadReply, DriverError, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
 from rig.drivers.kept import not_kept
 from rig.drivers.numbers import decimal, whole
 from rig.drivers.roles import Identity
@@ -308,6 +308,18 @@ def raise_errors(line: SerialLine, ask: Callable[[], str], most: int, question: 
     if found:
         (first, words), *others = found
         raise InstrumentError(line.where, first, words + "".join(f"; then {c} {t}" for c, t in others))
+
+
+def forget_errors(raise_errors: Callable[[], None], line: SerialLine) -> None:
+    """Empty an error queue of errors that are nobody's; an answer that makes no sense is left for later."""
+    for _ in range(2):
+        try:
+            raise_errors()
+        except InstrumentError:
+            continue
+        except DriverError:
+            line.drain()
+        return
 
 
 def agrees(answer: str, wanted: float | str) -> bool:

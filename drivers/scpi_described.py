@@ -18,11 +18,11 @@ from rig.drivers.clock import Clock
 from rig.drivers.declared.base import Remembering
 from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
 from rig.drivers.driver import Medium
-from rig.drivers.errors import BadReply, DriverError, InstrumentError, NoReply, WrongInstrument
+from rig.drivers.errors import BadReply, InstrumentError, NoReply, WrongInstrument
 from rig.drivers.kept import not_kept
 from rig.drivers.numbers import decimal, whole
 from rig.drivers.roles import Identity
-from rig.drivers.scpi import PREPARED, agrees, raise_errors
+from rig.drivers.scpi import PREPARED, agrees, forget_errors, raise_errors
 from rig.drivers.scpi_learned import is_unit, same_unit, unit_after
 from rig.drivers.scpi_options import ScpiOptions
 from rig.drivers.wires import SerialLine, SerialSettings, Wires
@@ -164,14 +164,7 @@ class DescribedScpi:
 
     def forget_errors(self) -> None:
         """Empty the error queue of errors that are nobody's; an answer that makes no sense is left for later."""
-        for _ in range(2):
-            try:
-                self.raise_errors()
-            except InstrumentError:
-                continue
-            except DriverError:
-                self.line.drain()
-            return
+        forget_errors(self.raise_errors, self.line)
 
     def identify(self) -> Identity:
         """Ask for the identity. Nothing but *IDN? is sent."""

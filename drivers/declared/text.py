@@ -14,8 +14,8 @@ from rig.contracts.declared.instrument import Instrument
 from rig.contracts.declared.sums import checksum
 from rig.drivers.clock import Clock
 from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
-from rig.drivers.errors import BadReply, DriverError, InstrumentError, NoReply
-from rig.drivers.scpi import agrees
+from rig.drivers.errors import BadReply, InstrumentError, NoReply
+from rig.drivers.scpi import agrees, forget_errors
 from rig.drivers.scpi_learned import same_unit
 from rig.drivers.wires import SerialLine, SerialSettings, Wires
 from rig.drivers.wires.serial_options import Flow
@@ -292,14 +292,8 @@ class TextTalk(Talk):
 
     def forget_errors(self) -> None:
         """Empty the error queue of errors that are nobody's; an answer that makes no sense is left for later."""
-        for _ in range(2 if self.table.errors.ask is not None else 0):
-            try:
-                self.raise_errors()
-            except InstrumentError:
-                continue
-            except DriverError:
-                self.line.drain()
-            return
+        if self.table.errors.ask is not None:
+            forget_errors(self.raise_errors, self.line)
 
     def takes_s(self, characters: int) -> float:
         """Maximum bench seconds for this many characters on the wire."""

@@ -22,6 +22,7 @@ from rig.errors import ExitCode, RigError
 from rig.loop import SUFFIX, open_program
 from rig.queue.file import Item, Queue, QueueFile
 from rig.run_file.events.queues import QueueBegan, QueueEnded
+from rig.run_file.live import controller_alive
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.state import read_state
 
@@ -74,7 +75,7 @@ class _Worker:
                 return
             del self.children[item.number]
             code = child.returncode if child.returncode >= 0 else int(ExitCode.INTERRUPTED)
-        elif is_locked(folder):
+        elif controller_alive(folder / "lock"):
             return  # of a worker that is gone, and still at work
         else:
             code = code_of(file_in(folder))
@@ -127,21 +128,6 @@ def work(
         if not queue.at_work and not stay and not later:
             return queue
         clock.sleep(_POLL_S)
-
-
-def is_locked(folder: Path) -> bool:
-    """Whether the process of an item is alive."""
-    try:
-        lock = os.open(folder / "lock", os.O_RDWR)
-    except OSError:
-        return False
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return True
-    finally:
-        os.close(lock)
-    return False
 
 
 def file_in(folder: Path) -> Path | None:

@@ -236,7 +236,7 @@ def send_request(run: Path, verb: str, **more: Any) -> str | None:
 
 
 def controller_alive(run: Path) -> bool:
-    """Whether a controller holds the lock of a run file. The lock ends with its process in any case."""
+    """Whether a process holds the lock of a file, as a controller that of its run file. It ends with its process."""
     try:
         descriptor = os.open(run, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
     except OSError:

@@ -20,6 +20,7 @@ from rig.errors import ExitCode
 from rig.examples import example
 from rig.queue import Queue, QueueFile, work, worker
 from rig.run_file.events.queues import QueueBegan, Queued, QueueEnded, QueueMoved, QueuePaused, QueueRemoved
+from rig.run_file.live import controller_alive
 from rig.run_file.verify.verification import verify_file
 
 LAB = example("attitude-lab")
@@ -132,7 +133,7 @@ def test_an_item_of_a_dead_worker_is_looked_after(file: QueueFile, fake: Path):
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as holder:
         assert holder.stdout is not None
         holder.stdout.readline()
-        assert worker.is_locked(folder)
+        assert controller_alive(folder / "lock")
         looking = worker._Worker(file, NOTHING, Signals(), lambda _: None)
         looking.look(file.read().items[1])
         assert not (folder / "begun").exists()

@@ -147,18 +147,19 @@ class TableJudge:
         without = self._without(grid, whole, mine) or self.beside(rest)
         return float(2.0 * (self.beside(chosen).ml.max() - without.ml[slow].max()) - price)
 
-    def like_memory(self, chosen: tuple[int, ...]) -> tuple[str, ...]:
+    def like_memory(self, chosen: tuple[int, ...], still: BoolArray) -> tuple[str, ...]:
         """Effects that explain about as much as errors with memory, likeliest first.
 
-        With independent errors each of them is significant.
+        Each of them is significant beside the likeliest covariance without memory, one of those of `still` (G,).
         """
         found = dict[str, float]()
         for j in self.promising(chosen):
             trial, name = self._trial(chosen, j), self.candidates[j].effect.name
-            behind = 2.0 * float(trial.without.ml.max() - trial.beside.ml[0])
+            at = trial.beside.best_of(still)
+            behind = 2.0 * float(trial.without.ml.max() - trial.beside.ml[at])
             if behind <= DELTA:
-                own = float(self._scored(0, trial.y, chosen, j).evidence[0])
-                if self.family_for(j, 0, "any").adjust(name, own, ALPHA) <= ALPHA:
+                own = float(self._scored(at, trial.y, chosen, j).evidence[0])
+                if self.family_for(j, at, "any").adjust(name, own, ALPHA) <= ALPHA:
                     found[name] = min(behind, found.get(name, behind))
         return tuple(sorted(found, key=found.__getitem__))
 

@@ -66,8 +66,9 @@ def _wander(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Foun
     noise, beside = judge.problem.noise, judge.beside(chosen)
     if not isinstance(noise, Wandering | Both) or noise.correlation[beside.best] == 0:
         return None
-    still = float(beside.reml[noise.correlation == 0].max())
-    p = of_all(float(special.chdtrc(2, 2.0 * max(float(beside.reml.max()) - still, 0.0))), data.sensors)
+    still = noise.correlation == 0
+    gain = float(beside.reml.max() - beside.reml[still].max())
+    p = of_all(float(special.chdtrc(2, 2.0 * max(gain, 0.0))), data.sensors)
     if p > CLEAR:
         return None
     correlation = float(noise.correlation[beside.best])
@@ -77,7 +78,7 @@ def _wander(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Foun
     cause = f"errors of neighbouring rows of {data.response} are alike: something wanders slowly that was not recorded"
     if data.order_unknown:
         cause += ", or the response is not smooth enough over the setting the rows are sorted by"
-    alike = judge.like_memory(chosen)
+    alike = judge.like_memory(chosen, still)
     if alike:
         cause += f"; these data cannot tell it from {' or '.join(alike[:LIKE])}"
     return _finding(
