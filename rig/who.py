@@ -12,20 +12,22 @@ from rig.errors import UsageError
 
 VARIABLE: Literal["RIG_OPERATOR"] = "RIG_OPERATOR"
 """Environment variable with the operator's name, if the command line has none."""
+BY_PASSWORD: Literal["RIG_OPERATOR_BY"] = "RIG_OPERATOR_BY"
+"""Environment variable with which `rig serve` says of the name in `VARIABLE` that a password proved it: "password"."""
 _LONGEST = 100
 
 
 @dataclass(frozen=True)
 class Operator:
-    """The operator of a session. It is not verified.
+    """The operator of a session.
 
     Attributes:
         name: name of the person, or of the account.
-        by: source of the name.
+        by: source of the name; it is verified only by "password".
     """
 
     name: str
-    by: Literal["--operator", "RIG_OPERATOR", "login"]
+    by: Literal["--operator", "RIG_OPERATOR", "login", "password"]
 
     def as_json(self) -> dict[str, str]:
         """Values for the run file."""
@@ -41,7 +43,8 @@ def operator(given: str | None = None) -> Operator:
     if given is not None:
         return Operator(_checked(given, "--operator"), "--operator")
     if os.environ.get(VARIABLE):
-        return Operator(_checked(os.environ[VARIABLE], VARIABLE), VARIABLE)
+        by = "password" if os.environ.get(BY_PASSWORD) == "password" else VARIABLE
+        return Operator(_checked(os.environ[VARIABLE], VARIABLE), by)
     try:
         return Operator(pwd.getpwuid(os.getuid()).pw_name, "login")
     except KeyError:

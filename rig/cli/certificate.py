@@ -14,13 +14,17 @@ from rich.markup import escape
 from rig.cli.commands import app
 from rig.cli.options import JsonOption
 from rig.cli.show import err, mark, out, print_json
+from rig.cli.signed_in import LoginOption, signed_in
 from rig.errors import ExitCode, UsageError
+from rig.lab import laboratory_of
 from rig.procedures.column_names import split_unit, unit_of
 from rig.units.differences import NOT_CELSIUS
 
 if TYPE_CHECKING:
     from rig.dcc.read_dcc import Quantity, Read
     from rig.dcc.signature import Signed
+    from rig.verbs.certificate.issue import Issue, Issued
+    from rig.verbs.certificate.request import CertificateRequest
 
 
 def _file(text: str) -> Any:
@@ -110,6 +114,7 @@ def certificate(
             show_default=False,
         ),
     ] = None,
+    login: LoginOption = None,
     as_json: JsonOption = False,
 ) -> int:
     """Certificate of a run: on paper (PDF), as a page (HTML), and as digital calibration certificate (XML).
@@ -140,9 +145,8 @@ def certificate(
             "a certificate needs a run or a table, and --out FOLDER: rig certificate RUN --out certificates"
         )
     from rig.files.atomic import check_files  # noqa: PLC0415
-    from rig.verbs.certificate.issue import Issue, all_files, check_extras, issue  # noqa: PLC0415
+    from rig.verbs.certificate.issue import Issue, all_files, check_extras  # noqa: PLC0415
     from rig.verbs.certificate.request import CertificateRequest  # noqa: PLC0415
-    from rig.verbs.certificate.result import make  # noqa: PLC0415
     from rig.verbs.certificate.standing_sentences import LACKS  # noqa: PLC0415
 
     later = tuple(confirmed_by or ())
@@ -153,7 +157,7 @@ def certificate(
     how = Issue(out_folder, number or "", amends or "", because, template, paper, key, key_certificate, schema)
     check_files([], list(all_files(asked, how)))
     check_extras(how)
-    made = issue(make(asked), how)
+    made = _issued(asked, how, login)
     if as_json:
         print_json(made.to_json())
         return ExitCode.DONE
@@ -173,6 +177,20 @@ def certificate(
     for change in made.document.amends.changes if made.document.amends else ():
         err.print(f"  amended: {escape(change)}", soft_wrap=True)
     return ExitCode.DONE
+
+
+def _issued(asked: CertificateRequest, how: Issue, login: str | None) -> Issued:
+    """The certificate, issued; in a laboratory with people an approver gives the password again."""
+    from rig.verbs.certificate.issue import issue  # noqa: PLC0415
+    from rig.verbs.certificate.result import make  # noqa: PLC0415
+    from rig.verbs.certificate.signing import issue_signed  # noqa: PLC0415
+
+    laboratory = laboratory_of(asked.runs[0])
+    if laboratory is None:
+        if login is not None:
+            raise UsageError(f"--login {login}: {asked.runs[0]} is in no laboratory with people (rig person)")
+        return issue(make(asked), how)
+    return issue_signed(laboratory, signed_in(laboratory, login, "approver"), asked, how)
 
 
 def _room(given: Sequence[str] | None) -> dict[str, tuple[float, float]]:

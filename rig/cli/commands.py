@@ -22,7 +22,7 @@ class Entry(NamedTuple):
     does: str
 
 
-_RUNNING, _DATA, _TRYING = "Running", "Data", "Trying"
+_RUNNING, _PEOPLE, _DATA, _TRYING = "Running", "People", "Data", "Trying"
 COMMANDS = {
     "run": Entry(_RUNNING, "rig.cli.run", "Carry out a procedure on a bench."),
     "resume": Entry(_RUNNING, "rig.cli.run", "Resume an interrupted run."),
@@ -83,6 +83,16 @@ COMMANDS = {
         _RUNNING,
         "rig.cli.watch",
         "Serve a live page of a run: state, remaining time, readings, residuals, warnings.",
+    ),
+    "person": Entry(
+        _PEOPLE,
+        "rig.cli.people",
+        "People of a laboratory: who they are, what they may do, and their passwords.",
+    ),
+    "log": Entry(
+        _PEOPLE,
+        "rig.cli.people",
+        "Changes of people, equipment and settings of a laboratory: who, when, what before, what after.",
     ),
     "fit": Entry(
         _DATA,

@@ -85,13 +85,13 @@ def _ended(run_file: Path, verb: str) -> int:
 @app.command()
 def hold(run_file: RunArgument) -> int:
     """Stop all motion, leave chambers as they are, and wait; `rig release` continues the run."""
-    return _ask(run_file, "hold")
+    return _ask(run_file, "hold", who=operator().name)
 
 
 @app.command()
 def release(run_file: RunArgument) -> int:
     """Continue a held run."""
-    return _ask(run_file, "release")
+    return _ask(run_file, "release", who=operator().name)
 
 
 @app.command()
@@ -120,4 +120,4 @@ def done(
 @app.command()
 def stop(run_file: RunArgument) -> int:
     """Park the bench and end the session; the run can be resumed later."""
-    return _ask(run_file, "stop")
+    return _ask(run_file, "stop", who=operator().name)

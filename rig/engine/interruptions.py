@@ -42,6 +42,7 @@ class Interruptions:
 
     Attributes:
         released: whether the last request was to release a hold.
+        who: who made the last request; None if unknown.
         hole: whether time had a hole since this was last reset.
 
     """
@@ -58,6 +59,7 @@ class Interruptions:
         self._signals, self._requests, self._journal, self._state = signals, requests, journal, state
         self._clock, self._by_hand = clock, by_hand
         self.released = self.hole = False
+        self.who: str | None = None
 
     def look_up(self, now: float | None = None) -> None:
         """Report the state, and look for signals, requests and holes that the clock has noted.
@@ -78,6 +80,7 @@ class Interruptions:
         if request is not None and self._state() != State.PARKING:  # parking ends the session: too late for any
             refused = self._by_hand.take(request) if request.verb in ("release", "done") else ""
             self._journal.acknowledge(request.request_id, refused)
+            self.who = request.who or None
             if request.verb == "stop":
                 raise StopRequested
             if request.verb == "hold" and self._state() != State.HOLDING:

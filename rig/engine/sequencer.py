@@ -249,13 +249,13 @@ class Sequencer:
             except HoleInTime:
                 return self._check_again()
             except HoldRequested:
-                return self._begin_hold("asked for")
+                return self._begin_hold("asked for", who=self._interruptions.who)
             except InterlockHold as error:
                 return self._begin_hold(str(error))
             except StopRequested:
                 self._outcome = Outcome.STOPPED
                 self._deciding.stop_motion()
-                self._journal.write(Stopped())
+                self._journal.write(Stopped(who=self._interruptions.who))
                 return "park"
         except StorageError as error:
             return self._give_up(str(error), recorded=False)
@@ -464,10 +464,10 @@ class Sequencer:
             self._queue.put_off(at.point)
         self._journal.take_up(None)
 
-    def _begin_hold(self, why: str, *, surely: bool = True) -> str:
+    def _begin_hold(self, why: str, *, surely: bool = True, who: str | None = None) -> str:
         if surely:  # a fault policy that holds has tried to stop motion; here a failure to stop is itself a fault
             self._deciding.stop_motion()
-        self._journal.write(Held(why=why))
+        self._journal.write(Held(why=why, who=who))
         self._journal.message = why
         return "hold"
 

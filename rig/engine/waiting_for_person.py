@@ -117,7 +117,7 @@ class Holding:
                 if self._interruptions.released:
                     self._journal.message = ""
                     if not told:  # once, also if the look at the bench that follows has to be repeated
-                        self._journal.write(Released())
+                        self._journal.write(Released(who=self._interruptions.who))
                     told = True
                     return go_on()
                 self._do.look_around(self._clock.now())

@@ -10,9 +10,11 @@ from pathlib import Path
 from rig.by_kind import Fitted, fit_table, known
 from rig.errors import RigError
 from rig.fitter.errors import FitError
+from rig.lab import laboratory_of
 from rig.loop.page import loop_page
 from rig.loop.program import Program
 from rig.procedures.errors import DataError
+from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT
 from rig.run_file.events.loops import LoopWrote
 from rig.runs.certificate_fields import SETTINGS
@@ -81,6 +83,9 @@ def certificate(program: Program, settings: Path, utc_s: float) -> LoopWrote:
     """
     if len(program.segments) > 1:
         return LoopWrote(what="certificate", why="a certificate is of one run file, and replications were added")
+    if laboratory_of(settings) is not None and not program.run.simulated:
+        command = f"rig certificate {shell_word(program.file_of(program.runs[0]))} --out {_FOLDER} --login LOGIN"
+        return LoopWrote(what="certificate", why=f"an approver signs it with a password: {command}")
     out = program.path.with_name(_FOLDER)
     first = program.file_of(program.runs[0])
     head = program.runs[0].ended.head if program.runs[0].ended is not None else ""

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from rig.drivers.clock import RealClock
-from rig.errors import BusyError, UsageError
-from rig.procedures.plan.run_list import RunList
-from rig.run_file.chain import Record, encode
+from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.queues import QueueBegan, Queued, QueueEnded, QueueMoved, QueuePaused, QueueRemoved
-from rig.run_file.read.reader import RunReader
 from rig.run_file.verify.verification import QUEUE
-from rig.run_file.write.creation import Genesis, create
-from rig.run_file.write.writer import RunWriter
-from rig.version import VERSION
-from rig.who import operator
+from rig.run_file.write.ledger import Ledger
 
 THEN = ("go on", "hold", "stop")
-_TRIES, _WAIT_S = 100, 0.1
 
 
 @dataclass
@@ -135,6 +127,10 @@ class QueueFile:
 
     path: Path
 
+    @property
+    def _ledger(self) -> Ledger:
+        return Ledger(self.path, QUEUE, "queue")
+
     def append(self, *events: Event) -> Queue:
         """Write events; the file is created if there is none. Returns the state with them.
 
@@ -142,45 +138,22 @@ class QueueFile:
             BusyError: somebody else writes for more than ten seconds.
             StorageError: they could not be made durable.
         """
-        clock = RealClock()
-        if not self.path.exists():
-            about = {"software": {"calibration-rig": VERSION}, **operator().as_json()}
-            genesis = Genesis(self.path.stem, {QUEUE: ""}, RunList((), (), 0), simulated=False, about=about)
-            create(self.path, genesis, elapsed_s=0.0, utc_s=clock.utc())
-        for left in range(_TRIES, 0, -1):
-            try:
-                with RunWriter.open(self.path) as writer:
-                    return self._written(writer, events)
-            except BusyError:
-                if left == 1:
-                    raise
-                clock.sleep(_WAIT_S)
-        raise AssertionError
-
-    def _written(self, writer: RunWriter, events: tuple[Event, ...]) -> Queue:
-        queue, utc_s = Queue(), RealClock().utc()
-        first_s = writer.genesis().utc_s
-        for record in writer.records():
-            queue.add(record)
-        for event in events:
-            if isinstance(event, Queued) and event.item == 0:
-                event = Queued(**{**vars(event), "item": queue.added + 1})  # noqa: PLW2901 - numbered under the lock
-            body = encode(event.body())
-            record = Record(0, event.kind, max(0.0, utc_s - first_s), utc_s, status=event.status, body=body)
-            writer.append(record, commit=False)
-            queue.add(record)
-        writer.commit()
-        return queue
+        return self._ledger.append(Queue(), lambda queue: list(_numbered(queue, events)))
 
     def read(self) -> Queue:
         """The state. Raises `RunFileError`, or `UsageError` if there is no such file."""
-        queue = Queue()
-        with RunReader.open(self.path) as reader:
-            if QUEUE not in reader.documents():
-                raise UsageError(f"{self.path} is not a queue, but the file of a run or loop")
-            for record in reader.records():
-                queue.add(record)
-        return queue
+        return self._ledger.read(Queue())
+
+
+def _numbered(queue: Queue, events: tuple[Event, ...]) -> Iterator[Event]:
+    """Events with the numbers of items that are added."""
+    added = queue.added
+    for event in events:
+        if isinstance(event, Queued) and event.item == 0:
+            added += 1
+            yield replace(event, item=added)
+        else:
+            yield event
 
 
 def open_queue(path: Path) -> tuple[QueueFile, Queue]:

@@ -3,6 +3,6 @@
 A new event is a class in one of these modules; no other place has to change.
 """
 
-from rig.run_file.events import bench, by_hand, corrections, loops, points, queues, sessions
+from rig.run_file.events import bench, by_hand, corrections, laboratory, loops, points, queues, sessions
 
-__all__ = ["bench", "by_hand", "corrections", "loops", "points", "queues", "sessions"]
+__all__ = ["bench", "by_hand", "corrections", "laboratory", "loops", "points", "queues", "sessions"]

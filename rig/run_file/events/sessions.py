@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from rig.run_file.columns import Columns
 
 
+def _by(who: str | None) -> str:
+    return f" by {who}" if who else ""
+
+
 _UNKNOWN_GAP = "a gap of unknown length: the machine restarted, and its clock was wrong or is"
 
 
@@ -203,23 +207,41 @@ class Interruption(Event, status="interrupted", matters=SESSION, exported=True, 
 
 @dataclass(frozen=True, kw_only=True)
 class Held(Event, kind="hold", matters=Importance("decision", "warning", "hold"), exported=True):
-    """The run holds for a person."""
+    """The run holds for a person: for `why`, asked for by `who`, None if nobody is known."""
 
     why: Text = ""
+    who: Text | None = None
 
     def sentence(self, record: Columns) -> str:
         """Where and why."""
-        return f"held{at(record)}{f': {self.why}' if self.why else ''}"
+        return f"held{at(record)}{f': {self.why}' if self.why else ''}{_by(self.who)}"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Released(Event, kind="release", matters=DECISION, exported=True, says="released"):
-    """A person released the hold."""
+class Released(Event, kind="release", matters=DECISION, exported=True):
+    """A person, `who` if it is known, released the hold."""
+
+    who: Text | None = None
+
+    def sentence(self, record: Columns) -> str:
+        """By whom."""
+        return f"released{_by(self.who)}"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stopped(Event, kind="stop", matters=DECISION, exported=True, ends="stopped on request"):
-    """A person asked to stop the run."""
+class Stopped(Event, kind="stop", matters=DECISION, exported=True):
+    """A person, `who` if it is known, asked to stop the run."""
+
+    who: Text | None = None
+
+    @property
+    def ending(self) -> str:
+        """How it ends its session, in words."""
+        return f"stopped on request{_by(self.who)}"
+
+    def sentence(self, record: Columns) -> str:
+        """By whom."""
+        return self.ending
 
 
 @dataclass(frozen=True, kw_only=True)

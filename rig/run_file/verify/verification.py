@@ -31,6 +31,8 @@ LOOP = "loop.toml"
 LOOP_SUFFIX = ".loop.sqlite"
 QUEUE = "queue.toml"
 """Document that only the file of a queue has."""
+LOG = "log.toml"
+"""Document that only the log of a laboratory has."""
 _SURE = 16
 """Minimum number of digits of a head hash; with fewer, a matching forgery can be found by trial."""
 
@@ -93,7 +95,7 @@ def verify_file(path: Path, expected_head: str | None = None) -> Verification:
             if found:
                 run.must_be_its_log()
             # What changed records say need not agree: their consistency would be told as further defects.
-            sense = Judged((), ()) if found or {LOOP, QUEUE} & run.documents().keys() else judged(run, MOST)
+            sense = Judged((), ()) if found or {LOOP, QUEUE, LOG} & run.documents().keys() else judged(run, MOST)
             found += [*sense.findings, *_cut_off(run, path, log)]
             heads, notes = _held_against(run, expected_head)
             notes += state.corrected

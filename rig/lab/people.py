@@ -1,0 +1,140 @@
+"""People of a laboratory, `people.toml`: names, roles, and passwords as argon2id hashes.
+
+A program has a token in place of a password: 43 random characters, of which the file has the SHA-256.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import re
+import secrets
+from collections.abc import Mapping
+from typing import Any, Literal, get_args
+
+from pydantic import Field
+
+from rig.bench.config import parse_toml, validated
+from rig.errors import UsageError
+from rig.extras import needed
+from rig.procedures.plan.settings import Strict
+from rig.who import Operator
+
+FILE = "people.toml"
+Role = Literal["viewer", "operator", "approver", "administrator"]
+ROLES: tuple[Role, ...] = get_args(Role)
+LOGIN = r"[a-z][a-z0-9._-]{0,31}"
+_SHORTEST, _LONGEST = 10, 1000
+COST: Mapping[str, int] = {}
+"""Parameters of argon2id other than those of its library; only tests have any."""
+
+
+class Person(Strict):
+    """One `[people.LOGIN]` table."""
+
+    name: str = Field(min_length=1, max_length=80, description="name, for people and for run files")
+    roles: tuple[Role, ...] = Field(
+        min_length=1,
+        description="viewer sees; operator starts, holds, answers; approver approves and signs; administrator keeps "
+        "this file",
+    )
+    password: str = Field("", description="argon2id hash, written by `rig person`")
+    token: str = Field("", description="SHA-256 of a program's token, written by `rig person`")
+
+
+class People(Strict):
+    """A whole `people.toml`."""
+
+    people: dict[str, Person] = Field(default_factory=dict)
+
+    def having(self, role: str) -> list[str]:
+        """Logins of the people with a role."""
+        return [login for login, one in self.people.items() if role in one.roles]
+
+
+class WrongPassword(UsageError):
+    """The login is unknown, or the password is wrong; which of them is not said."""
+
+
+def parse_people(text: str, where: str) -> People:
+    """Check the text of a `people.toml`. Raises `ConfigurationError`, in which no value is shown."""
+    people: People = validated(People, parse_toml(text, where), where, shown=False)
+    for login in people.people:
+        check_login(login)
+    return people
+
+
+def check_login(login: str) -> str:
+    """The login. Raises `UsageError` if it is none."""
+    if not re.fullmatch(LOGIN, login):
+        raise UsageError(f"{login!r:.60} is not a login: a to z first, then also digits, '.', '_' and '-', 32 at most")
+    return login
+
+
+def hashed(password: str) -> str:
+    """The argon2id hash of a new password. Raises `UsageError` if it is too short."""
+    if not _SHORTEST <= len(password) <= _LONGEST:
+        raise UsageError(f"a password has {_SHORTEST} to {_LONGEST} characters; this one has {len(password)}")
+    made: str = _hasher().hash(password)
+    return made
+
+
+def new_token() -> tuple[str, str]:
+    """A new token, and what the file has of it."""
+    token = secrets.token_urlsafe(32)
+    return token, _digest(token)
+
+
+def by_password(people: People, login: str, password: str) -> Person:
+    """The person with this login and password. Takes equally long for an unknown login.
+
+    Raises:
+        WrongPassword: there is no such person.
+    """
+    person = people.people.get(login)
+    known = person.password if person is not None and person.password else _nobody()
+    argon2 = needed("argon2", "serve")
+    try:
+        _hasher().verify(known, password[:_LONGEST])
+    except (argon2.exceptions.VerificationError, argon2.exceptions.InvalidHashError):
+        person = None
+    if person is None or not person.password:
+        raise WrongPassword("this login and password belong to nobody here; `rig person password` gives a new one")
+    return person
+
+
+def by_token(people: People, token: str) -> tuple[str, Person] | None:
+    """Login and entry of the program with this token; None if there is none."""
+    digest, found = _digest(token), None
+    for login, one in people.people.items():  # all of them: the time says nothing
+        if one.token and hmac.compare_digest(one.token, digest):
+            found = login, one
+    return found
+
+
+def check_role(login: str, person: Person, role: str) -> None:
+    """Raises `UsageError` if a person has not got this role."""
+    if role not in person.roles:
+        raise UsageError(f"{person.name} ({login}) is {', '.join(person.roles)}, and this needs the role {role}")
+
+
+def proven(login: str, person: Person) -> Operator:
+    """A person whose password was right, for records."""
+    return Operator(f"{person.name} ({login})", "password")
+
+
+_NOBODY: list[str] = []
+
+
+def _nobody() -> str:
+    if not _NOBODY:
+        _NOBODY.append(_hasher().hash(secrets.token_hex()))
+    return _NOBODY[0]
+
+
+def _hasher() -> Any:
+    return needed("argon2", "serve").PasswordHasher(**COST)
+
+
+def _digest(token: str) -> str:
+    return hashlib.sha256(token.encode("utf-8", "replace")).hexdigest()

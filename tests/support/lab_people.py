@@ -1,0 +1,37 @@
+"""A small laboratory with people, whose passwords take no time."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import sys
+from pathlib import Path
+from unittest.mock import patch
+
+from command import Done, rig
+
+from rig.examples import example
+from rig.lab import people
+
+QUICK = {"time_cost": 1, "memory_cost": 8, "parallelism": 1}
+WORD = {"anna": "correct horse", "ben": "battery staple", "vera": "only looking", "olga": "keeps the list"}
+
+
+def typed(*arguments: object, lines: str = "", cwd: Path | None = None) -> Done:
+    """`rig` with these lines on standard input."""
+    with patch.object(sys, "stdin", io.StringIO(lines)), patch.object(people, "COST", QUICK):
+        return rig(*arguments, cwd=cwd)
+
+
+def laboratory(folder: Path, lab: str = "load-cell-lab") -> Path:
+    """A copy of an example, with anna (operator), ben (operator, approver), vera (viewer), olga (administrator)."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in example(lab).glob("*.toml"):
+        shutil.copy(path, folder / path.name)
+    roles = {"anna": "operator", "ben": "operator,approver", "vera": "viewer"}
+    for login, role in roles.items():
+        add = ("person", "add", login, "--name", login.title(), "--roles", role)
+        assert typed(*add, lines=f"{WORD[login]}\n", cwd=folder).returncode == 0
+    add = ("person", "add", "olga", "--name", "Olga", "--roles", "administrator")
+    assert typed(*add, lines=f"{WORD['olga']}\n", cwd=folder).returncode == 0
+    return folder
