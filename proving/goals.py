@@ -1,9 +1,11 @@
 """Coverage of intervals of runs that stop once they are narrow enough, and replications beside an oracle's.
 
-python -m proving.goals [--runs 5000] [--seed 1]
+python -m proving.goals [--runs 5000] [--seed 1] [--type-b 1.0] [--shape normal|rectangular]
 
 Each run is a straight line over five settings with normal errors, three replications at first and thirty at most, and a
-goal of its own for the slope. The oracle knows the error's standard deviation.
+goal of its own for the slope. With `--type-b` the reference has an error as well, of so many standard errors of a run
+that just meets the goal; the goal is then an expanded uncertainty with it. The oracle knows the error's standard
+deviation.
 """
 
 from __future__ import annotations
@@ -12,10 +14,12 @@ import argparse
 import math
 import sys
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
+from rig.fitter.budget import Influence, TypeA, budgets
 from rig.fitter.sequential import LEVEL, t_of, widening
 
 X = np.linspace(-1.0, 1.0, 5)
@@ -33,12 +37,14 @@ class Stopped:
     met: bool
 
 
-def stopped(rng: np.random.Generator) -> Stopped:
-    """Simulate one run."""
+def stopped(rng: np.random.Generator, type_b: float = 0.0, shape: Any = "normal") -> Stopped:
+    """Simulate one run; the reference's error is `type_b` standard errors of a run that just meets the goal."""
     sigma = math.exp(rng.uniform(-1.0, 1.0))
     design = np.column_stack([np.ones_like(X), X])
     needed = math.exp(rng.uniform(math.log(2.0), math.log(36.0)))
-    goal = 1.96 * sigma / math.sqrt(needed * float(X @ X))
+    u_b = type_b * sigma / math.sqrt(needed * float(X @ X))
+    wrong = u_b * (rng.standard_normal() if shape == "normal" else math.sqrt(3.0) * rng.uniform(-1.0, 1.0))
+    goal = 1.96 * math.hypot(sigma / math.sqrt(needed * float(X @ X)), u_b)
     oracle = min(max(math.ceil(needed), FIRST), MOST)
     rows: list[FloatArray] = []
     df_first, more = FIRST * len(X) - 2, len(X)
@@ -51,11 +57,21 @@ def stopped(rng: np.random.Generator) -> Stopped:
         fitted, _, _, _ = np.linalg.lstsq(every, y, rcond=None)
         df = len(y) - 2
         s = math.sqrt(float(np.sum((y - every @ fitted) ** 2)) / df / (n * float(X @ X)))
-        half = factor * t_of(df) * s
+        half = _expanded(factor * s, df, u_b, shape)
         if half <= goal or n == MOST:
-            off = abs(float(fitted[1]) - SLOPE)
-            return Stopped(off <= half, off <= half / factor, n, oracle, half <= goal)
+            off = abs(float(fitted[1]) + wrong - SLOPE)
+            return Stopped(off <= half, off <= _expanded(s, df, u_b, shape), n, oracle, half <= goal)
     raise AssertionError
+
+
+def _expanded(s: float, df: float, u_b: float, shape: Any) -> float:
+    """Expanded uncertainty of the slope, 95 %."""
+    if u_b == 0.0:
+        return t_of(df) * s
+    by = Influence("reference", "", "B", np.array([u_b]), distribution=shape)
+    slope = TypeA(np.array([[s * s]]), df)
+    told = budgets(["slope"], [""], np.zeros(1), slope, [by], shapes="where limits dominate", forecast=True)
+    return told[0].expanded_uncertainty
 
 
 def main() -> int:
@@ -63,9 +79,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--type-b", type=float, default=0.0, help="error of the reference, standard errors of a run")
+    parser.add_argument("--shape", choices=("normal", "rectangular"), default="normal", help="of that error")
     asked = parser.parse_args()
     rng = np.random.default_rng(asked.seed)
-    told = [stopped(rng) for _ in range(asked.runs)]
+    told = [stopped(rng, asked.type_b, asked.shape) for _ in range(asked.runs)]
     covered, by_t = (np.mean([getattr(one, name) for one in told]) for name in ("covered", "by_t"))
     met = [one for one in told if one.met]
     early = np.mean([one.covered for one in told if one.replications < one.oracle])

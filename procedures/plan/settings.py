@@ -60,6 +60,12 @@ def _is_time(text: str) -> bool:
     return True
 
 
+def _checked_time(key: str, text: str | None) -> str | None:
+    if text is not None and not (len(text) == len("07:00") and _is_time(text)):
+        raise ValueError(f"{key} is a time of day such as 07:00")
+    return text
+
+
 class LoopSettings(Strict):
     """Bounds of `rig loop`, which makes further runs by itself. Options of the command line come first."""
 
@@ -87,9 +93,7 @@ class LoopSettings(Strict):
     @field_validator("until")
     @classmethod
     def _is_time_of_day(cls, until: str | None) -> str | None:
-        if until is not None and not (len(until) == len("07:00") and _is_time(until)):
-            raise ValueError("until is a time of day such as 07:00")
-        return until
+        return _checked_time("until", until)
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:
@@ -102,14 +106,43 @@ class GoalSettings(Strict):
     """Precision for which `rig loop` adds replications, before it looks for further effects."""
 
     sigma: dict[str, Positive] = Field(
-        min_length=1,
+        {},
         description="largest standard uncertainty of a coefficient or parameter, by its name in `rig fit --json`, in "
         "its unit: { S_V = 3e-6 }; for every sensor that has it, as far as scatter between the observations goes",
+    )
+    U: dict[str, Positive] = Field(
+        {},
+        description="largest expanded uncertainty (95 %, with the bench's register) of a result, by its name in "
+        '`rig budget`, or by that without the point: { "cell inferred force" = 0.002 }',
+    )
+    prediction: dict[str, Positive] = Field(
+        {},
+        description="largest half-width of the 95 % interval of a sensor's output by the model at the points of `at`, "
+        "by the sensor's name and in its unit, by the scatter of the run alone: { cell = 0.0005 }",
+    )
+    at: tuple[dict[str, float], ...] = Field(
+        (), description="points of `U` and `prediction`, as `--at` of `rig budget`; default: those of the kind"
+    )
+    same_meter: bool = Field(False, description="for `U`: the meter of the run reads the sensors in use, too")
+    deadline: str | None = Field(
+        None,
+        description="time of day after which no replication is added, as 03:00; local time. Default: that of `loop`",
     )
     least_replications: int | None = Field(
         None, ge=2, le=1000, description="replications of the first run, before the first look; default: its own"
     )
     most_replications: int = Field(30, ge=2, le=1000, description="maximum number of replications")
+
+    @field_validator("deadline")
+    @classmethod
+    def _is_time_of_day(cls, deadline: str | None) -> str | None:
+        return _checked_time("deadline", deadline)
+
+    @model_validator(mode="after")
+    def _has_one(self) -> Self:
+        if not (self.sigma or self.U or self.prediction):
+            raise ValueError("a goal is sigma, U or prediction: give one of them")
+        return self
 
 
 class WarningSettings(Strict):

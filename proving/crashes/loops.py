@@ -30,12 +30,12 @@ from rig.drivers.clock import RealClock
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
 from rig.loop import Program, findings_of_runs, open_program, resume_loop, sessions, start_loop
-from rig.loop.goal import table_of
 from rig.run_file.chain import Record
 from rig.run_file.live import LiveState
 from rig.run_file.verify.verification import verify_file
 from rig.runs.forecast import rehearse
 from rig.runs.plans import Plan, load_plan
+from rig.tables.segments import table_of
 from rig.verbs.confirm import First, consider, first, judge
 
 LAB = "voltmeter-lab"

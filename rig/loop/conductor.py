@@ -23,7 +23,7 @@ from rig.loop import products
 from rig.loop.decide import Considers, Decision, Left, decide, for_person
 from rig.loop.ends import Ending, Told, each_h, ended, not_made
 from rig.loop.findings import found_by_first, found_by_later
-from rig.loop.goal import Look, looked, procedure_with, table_of
+from rig.loop.goal import Look, looked, procedure_with
 from rig.loop.program import SUFFIX, LoopRun, Program
 from rig.loop.timeline import EVALUATION_S, Timeline
 from rig.procedures.errors import DataError
@@ -41,6 +41,7 @@ from rig.run_file.events.sessions import SessionBegan
 from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import Result, Site, resume_run, start_run
 from rig.runs.plans import Plan, plan_of
+from rig.tables.segments import table_of
 from rig.verbs.confirm import Confirmed, First, consider, judge, open_traced
 from rig.verbs.confirm.further_plan import procedure_text
 from rig.version import versions
@@ -239,7 +240,7 @@ class Conductor:
     def _look(self, goal: GoalSettings) -> bool:
         """Decide whether one more replication is made, and record it before anything moves."""
         program, procedure = self.program, self.plan.procedure
-        left_h = (program.ends_s - self.timeline.elapsed_s) / 3600.0
+        left_h = (program.goal_ends_s - self.timeline.elapsed_s) / 3600.0
         runs = program.runs
         hours = each_h(runs, procedure.replications)
         try:

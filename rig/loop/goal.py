@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from rig.by_kind import fit_table
 from rig.errors import UsageError
 from rig.fitter.sequential import t_of, widening
 from rig.loop.decide import PARKING_H
+from rig.loop.goal_of_results import Aim, of_results
 from rig.procedures.kind import Procedure
 from rig.procedures.plan.settings import GoalSettings
 from rig.procedures.present.durations import duration
 from rig.procedures.tables.table import Table
-from rig.run_file.read.reader import RunReader
 from rig.runs.forecast import ALLOWANCE
 from rig.tables import run_table
+from rig.tables.segments import table_of
 
 _NORMAL = 1.959964
-"""Standard uncertainties of a 95 % interval: the goal is one of them."""
-_COUNTED = ("replicate", "whole_plot", "order", "run_index", "block")
+"""Standard uncertainties of a 95 % interval: the goal `sigma` is one of them."""
 
 
 @dataclass(frozen=True)
@@ -46,35 +44,6 @@ class _Value:
     goal: float
 
 
-def table_of(segments: Sequence[Path], path: Path) -> Table:
-    """The table of a run file; of the first segment, that of all segments one after the other."""
-    if path.resolve() != segments[0].resolve():
-        return run_table(path)
-    tables = [run_table(one) for one in segments]
-    first, columns = tables[0], {name: [values] for name, values in tables[0].columns.items()}
-    began = [_began_s(one) for one in segments]
-    for table, begins_s in zip(tables[1:], began[1:], strict=True):
-        if table.columns.keys() != first.columns.keys():
-            raise UsageError(f"{table.source} has other columns than {first.source}: they are no segments of one run")
-        for name, values in table.columns.items():
-            before = columns[name][-1]
-            after = values
-            if name in _COUNTED:
-                after = values + np.nanmax(before) + (name == "block")
-            elif name == "elapsed_s":
-                after = values + begins_s - began[0]
-            columns[name].append(after)
-    joined = {name: np.concatenate(values) for name, values in columns.items()}
-    points = {key: sum(one.provenance[key] for one in tables) for key in ("points_planned", "points_observed")}
-    segments_told = {"segments": ", ".join(f"{Path(one.source).name} {one.provenance['head']}" for one in tables)}
-    return replace(first, columns=joined, within={}, provenance={**first.provenance, **points, **segments_told})
-
-
-def _began_s(path: Path) -> float:
-    with RunReader.open(path) as reader:
-        return reader.genesis().utc_s
-
-
 def procedure_with(procedure: Procedure, **changes: Any) -> Any:
     """A procedure with other values."""
     changed: Any = procedure
@@ -92,19 +61,24 @@ def looked(goal: GoalSettings, segments: Sequence[Path], first: int, hours: floa
         left_h: time left, hours.
 
     Raises:
-        UsageError: no sensor has the named coefficient or parameter.
+        UsageError: no sensor has the named coefficient, parameter or result.
+        ConfigurationError: the register of equipment cannot be used.
     """
     count, looks = first + len(segments) - 1, goal.most_replications - first + 1
-    start = {(one.sensor, one.name): one.df for one in _values(goal, run_table(segments[0]))}
-    values = list(_values(goal, table_of(segments, segments[0])))
-    widths = [_half_width(one, start[one.sensor, one.name], first, looks) for one in values]
-    worst = max(range(len(values)), key=lambda k: widths[k] / values[k].goal)
-    one, half = values[worst], widths[worst]
-    said = f"{one.name} of {one.sensor} is known to +-{half:.2g} (95 %, in spite of looking)"
-    said = f"{said if one.sensor else said.replace(' of  is', ' is')}, the goal is +-{_NORMAL * one.goal:.2g}"
-    if half <= _NORMAL * one.goal:
+    start, table = run_table(segments[0]), table_of(segments, segments[0])
+    aims = [*_of_estimates(goal, start, table, first, looks), *of_results(goal, segments, start, table, first, looks)]
+    hopeless = [one for one in aims if one.least > one.goal]
+    worst = max(hopeless or aims, key=lambda one: one.half / one.goal)
+    said = f"{worst.known}, the goal is +-{worst.goal:.2g}"
+    if worst.half <= worst.goal:
         return Look(None, f"the goal is met with {count} replications: {said}")
-    needed = math.ceil(count * (half / (_NORMAL * one.goal)) ** 2)
+    if hopeless:
+        return Look(
+            None,
+            f"the goal cannot be met by replications: {said}; with any number of them it would be at least "
+            f"+-{worst.least:.2g}, by {worst.by}",
+        )
+    needed = math.ceil(count * (worst.half**2 - worst.least**2) / (worst.goal**2 - worst.least**2))
     said += f"; about {needed} replications meet it, {count} are made"
     if count >= goal.most_replications or needed > 2 * goal.most_replications:
         return Look(None, f"the goal cannot be met: {said}, and most_replications = {goal.most_replications}")
@@ -113,10 +87,17 @@ def looked(goal: GoalSettings, segments: Sequence[Path], first: int, hours: floa
     return Look(count + 1, f"{said}; one more takes {duration(3600.0 * hours)} of {duration(3600.0 * left_h)}")
 
 
-def _half_width(one: _Value, df: float, first: int, looks: int) -> float:
-    """Half-width of the interval of a value that holds in spite of looking; its df were fewer at the first look."""
-    more = max(df / first, 1.0)
-    return widening(round(df, 1), round(more, 1), looks, first) * t_of(one.df) * one.stderr
+def _of_estimates(goal: GoalSettings, start: Table, table: Table, first: int, looks: int) -> Iterator[Aim]:
+    """Coefficients and parameters; their degrees of freedom were fewer at the first look."""
+    if not goal.sigma:
+        return
+    fewer = {(one.sensor, one.name): one.df for one in _values(goal, start)}
+    for one in _values(goal, table):
+        df = fewer[one.sensor, one.name]
+        wider = widening(round(df, 1), round(max(df / first, 1.0), 1), looks, first)
+        half = wider * t_of(one.df) * one.stderr
+        of = f" of {one.sensor}" if one.sensor else ""
+        yield Aim(f"{one.name}{of} is known to +-{half:.2g} (95 %, in spite of looking)", half, _NORMAL * one.goal)
 
 
 def _values(goal: GoalSettings, table: Table) -> Iterator[_Value]:

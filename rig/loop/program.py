@@ -52,12 +52,14 @@ class Bounds(Strict):
         ends_s: seconds from the begin of the loop to its end.
         first_h: expected bench time of the first run, hours.
         bounds: those of the procedure.
+        goal_s: seconds from the begin of the loop to the deadline of its goal; None for that of the loop.
         files: bench and procedure as given, by name.
     """
 
     ends_s: float
     first_h: float
     bounds: LoopSettings
+    goal_s: float | None = None
     files: dict[str, FileOfLoop]
 
 
@@ -146,6 +148,11 @@ class Program:
                 self.closed = event
             case _:
                 pass
+
+    @property
+    def goal_ends_s(self) -> float:
+        """Seconds from the begin of the loop to the time after which no replication is added."""
+        return self.ends_s if self.bounds.goal_s is None else min(self.bounds.goal_s, self.ends_s)
 
     @property
     def last(self) -> LoopRun | None:

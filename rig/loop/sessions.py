@@ -19,6 +19,7 @@ from rig.loop.conductor import Conductor
 from rig.loop.decide import PARKING_H, PERSON
 from rig.loop.ends import Ending, Told
 from rig.loop.goal import procedure_with
+from rig.loop.goal_of_results import check_goal
 from rig.loop.program import SETTINGS, SUFFIX, check_unchanged, file_of, read_program
 from rig.loop.timeline import Timeline, seconds_until
 from rig.procedures.plan.settings import GoalSettings, LoopSettings
@@ -128,6 +129,9 @@ def start_loop(
             "bounds": bounds.model_dump(mode="json", exclude_none=True),
             "files": {"procedure": file_of(procedure), "bench": file_of(bench)},
         }
+        goal = goal_of(plan)
+        if goal is not None and goal.deadline is not None:
+            settings["goal_s"] = round(seconds_until(goal.deadline, timeline.utc_s), 3)
         about: dict[str, Any] = {"dry": dry, "procedure": plan.procedure.name, "bench": plan.bench.name}
         about |= {"software": versions(one.driver for one in plan.bench.instruments.values()), **by.as_json()}
         documents = {**plan.documents, SETTINGS: toml_text(settings)}
@@ -141,11 +145,17 @@ def start_loop(
             return conductor.conduct()
 
 
+def goal_of(plan: Plan) -> GoalSettings | None:
+    """`[goal]` of its procedure; None without one."""
+    return getattr(plan.procedure, "goal", None)
+
+
 def _begun_with_least(plan: Plan) -> Plan:
     """The plan with as many replications as its goal wants before the first look."""
-    goal: GoalSettings | None = getattr(plan.procedure, "goal", None)
+    goal = goal_of(plan)
     if goal is None:
         return plan
+    check_goal(goal, plan.documents)
     least = goal.least_replications or plan.procedure.replications
     if least >= goal.most_replications:
         raise ConfigurationError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.examples import example
 from rig.loop import Program, open_program, start_loop
-from rig.loop.goal import table_of
+from rig.loop.timeline import clock_time
 from rig.run_file.read.reader import RunReader
 from rig.run_file.verify.verification import verify_file
+from rig.tables.segments import table_of
 
 EVALUATIONS = Evaluations()
 """Traces of the same readings are computed once."""
@@ -118,3 +120,18 @@ def test_crashes_between_and_in_replications_lose_none(tmp_path: Path):
     program = open_program(loop.path)
     assert "the goal" in why(program)
     assert [run.planned.number for run in program.runs] == list(range(1, len(program.runs) + 1))
+
+
+def test_an_expanded_uncertainty_without_a_register_is_refused(tmp_path: Path):
+    with pytest.raises(ConfigurationError, match="the bench has no register of equipment"):
+        with_goal(tmp_path, 'U = { "meter inferred input" = 1e-5 }\nleast_replications = 2')
+
+
+def test_no_replication_is_added_after_the_deadline(tmp_path: Path):
+    """The loop has hours left for further runs, and the goal has not."""
+    dry = datetime(2026, 1, 15, 18, tzinfo=UTC).timestamp()
+    goal = f'sigma = {{ input_V = 4e-9 }}\nleast_replications = 2\ndeadline = "{clock_time(dry + 1260.0)}"'
+    program = with_goal(tmp_path, goal)
+    assert why(program).startswith("no time is left for the goal: ")
+    assert program.goal.left_h < 0.35
+    assert program.ends_s == 8 * 3600.0

@@ -43,7 +43,8 @@ from rig.register.drift import drift_of_sensor
 from rig.register.surroundings import stated_by_hand
 from rig.run_file.events.sessions import Identified
 from rig.run_file.read.reader import RunReader
-from rig.tables import is_run, run_table
+from rig.tables import is_run
+from rig.tables.segments import joined
 from rig.verbs.budget.held import held, outside_of
 from rig.verbs.budget.identities import contradicted, not_told
 from rig.verbs.budget.lacking import Holding, left_out
@@ -170,15 +171,23 @@ def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
     raise (ConfigurationError if checked.register else UsageError)("\n".join(checked.reasons))
 
 
-def checked_run(path: Path, equipment: Path | None = None) -> Checked:
-    """A run for a budget, with all reasons against one. Raises an error if its register cannot be read."""
+def checked_run(path: Path, equipment: Path | None = None, more: Sequence[Path] = ()) -> Checked:
+    """A run for a budget, with all reasons against one.
+
+    Args:
+        path: the run file.
+        equipment: another register than the one kept with the run.
+        more: files of replications that were added to it; the first run has bench and register.
+
+    Raises:
+        RigError: its register cannot be read, or it is no run file.
+    """
     if not is_run(path):
         raise UsageError(f"{path} is no run file: a budget needs the bench of a run and its register of equipment")
-    table = run_table(path)
+    table = joined((path, *more))
     with RunReader.open(path) as reader:
         documents = reader.documents()
-        said = (record.event for record in reader.records(Identified.kind))
-        identities = [one for one in said if isinstance(one, Identified)]
+    identities = [one for part in (path, *more) for one in _identities(part)]
     reasons: list[str] = []
     register = None
     with _noted(reasons, UsageError):
@@ -188,6 +197,12 @@ def checked_run(path: Path, equipment: Path | None = None) -> Checked:
         raise UsageError(f"{path} has no bench file, which says what reads what: no budget can be made of it")
     config = bench_of_run(documents, str(path))
     return checked_with(table, config, register, identities, where, reasons)
+
+
+def _identities(path: Path) -> list[Identified]:
+    with RunReader.open(path) as reader:
+        said = [record.event for record in reader.records(Identified.kind)]
+    return [one for one in said if isinstance(one, Identified)]
 
 
 def checked_with(
