@@ -224,6 +224,13 @@ def reversed_by(
     return np.asarray(np.linalg.lstsq(beyond, project_out(values, basis), rcond=1e-9)[0]) / size
 
 
+def covariance_of_sides(columns: FloatArray, side: FloatArray, basis: FloatArray) -> FloatArray:
+    """(k, k) covariance of half of what `reversed_by` gives, for values of variance 1; arguments as there."""
+    size = _sizes(columns)
+    moved = np.linalg.pinv(project_out(columns / size * side[:, None], basis), rcond=1e-9) / size[:, None]
+    return np.asarray(moved @ moved.T)
+
+
 def _neighbours(values: FloatArray, joined: FloatArray) -> FloatArray:
     """(n, q) means of both neighbours inside the replication, twice halved: x' of it sums products of neighbours."""
     out = np.zeros_like(values)

@@ -33,9 +33,12 @@ from rig.procedures.tables.table import SENSOR_TEMPERATURE, Columns
 
 if TYPE_CHECKING:
     from rig.fitter.arrays import FloatArray, IntArray
+    from rig.procedures.attitude.infer.traced import Volts
     from rig.procedures.evaluate.stated import PlaceConstant
 
 _STEP = 1e-6
+LOOP = "rising and falling series"
+"""Effect of the run under which a calibration has the loops of its sensors."""
 
 
 class AttitudeEvaluation(Evaluation):
@@ -57,7 +60,7 @@ class AttitudeEvaluation(Evaluation):
 
     @cached_property
     def _model(self) -> Model:
-        return Model(self._with_scatter(self._plain), self._at, self._gravity)
+        return Model(self._with_scatter(self._beside_loops, self._scatter), self._at, self._gravity)
 
     @property
     def calibration(self) -> AttitudeCalibration:
@@ -65,8 +68,25 @@ class AttitudeEvaluation(Evaluation):
         return self._model.calibration
 
     @cached_property
-    def _fits(self) -> Mapping[str, AttitudeFit]:
+    def _beside_loops(self) -> AttitudeCalibration:
+        """The calibration with the scatter of readings of one direction: loops have lines of their own."""
+        return self._beside({LOOP: self._loops}) if self._loops else self._plain
+
+    def _beside(self, loops: Volts) -> AttitudeCalibration:
+        """The calibration with further effects of the run, fitted and not applied in use."""
+        return calibrate_package(self._data, effects=loops, temperature=self._temperature, left_behind=loops)
+
+    @cached_property
+    def _plain_fits(self) -> Mapping[str, AttitudeFit]:
         return fit_all(self._data, temperature=self._temperature)
+
+    @cached_property
+    def _fits(self) -> Mapping[str, AttitudeFit]:
+        """Fits of the readings without loops."""
+        if not self._loops:
+            return self._plain_fits
+        off = {name: self._data.outputs[name] - volts.sum(axis=1) for name, volts in self._loops.items()}
+        return fit_all(replace(self._data, outputs={**self._data.outputs, **off}), temperature=self._temperature)
 
     @cached_property
     def columns(self) -> Columns:
@@ -126,7 +146,7 @@ class AttitudeEvaluation(Evaluation):
     @cached_property
     def _own(self) -> Mapping[str, FloatArray]:
         """Direction of each sensor's temperature term."""
-        found = {name: fit.temperature for name, fit in self._fits.items()}
+        found = {name: fit.temperature for name, fit in self._plain_fits.items()}
         return {name: one.direction for name, one in found.items() if isinstance(one, Temperature)}
 
     @cached_property
@@ -173,17 +193,20 @@ class AttitudeEvaluation(Evaluation):
     @cached_property
     def _scatter(self) -> Mapping[str, Scatter]:
         """Scatter of the readings of every sensor."""
+        return self._scatters(self._beside_loops, self._fits)
+
+    def _scatters(self, calibration: AttitudeCalibration, fits: Mapping[str, AttitudeFit]) -> Mapping[str, Scatter]:
         found = {}
-        for one in self._plain.sensors:
-            table = self._fits[one.name].replication
+        for one in calibration.sensors:
+            table = fits[one.name].replication
             below, total = float(table.bias.df_below), one.sigma_V**2 * one.df
             pure = table.sigma_prec**2 * one.df if below > 0 and np.isfinite(table.sigma_prec) else 0.0
             found[one.name] = scatter(total, float(one.df), pure, below, self._expected.get(one.name, 0.0))
         return found
 
-    def _with_scatter(self, calibration: AttitudeCalibration) -> AttitudeCalibration:
+    def _with_scatter(self, calibration: AttitudeCalibration, scatters: Mapping[str, Scatter]) -> AttitudeCalibration:
         """The calibration with the scatter that budgets have."""
-        every = self._scatter.values()
+        every = scatters.values()
         if calibration.drift is not None or not any(one.explained for one in every):
             return calibration
         sensors, ratios = [], []
@@ -212,7 +235,8 @@ class AttitudeEvaluation(Evaluation):
 
     def stored(self) -> Any:
         """The calibration to use with these results, as JSON values, if it is not that of the fit; None if it is."""
-        return self._model.calibration.to_dict()
+        # lines of loops are not kept, so that its scatter is of both directions
+        return self._with_scatter(self._plain, self._scatters(self._plain, self._plain_fits)).to_dict()
 
     @cached_property
     def _jacobian(self) -> FloatArray:
@@ -227,12 +251,21 @@ class AttitudeEvaluation(Evaluation):
             columns.append((up - down) / (2 * step))
         return np.column_stack(columns)
 
-    @cached_property
+    @property
     def _sides(self) -> Sequence[tuple[str, FTest, FloatArray | None]]:
         """Sensor and axis, test of rising against falling angles, and (2, 4 S) coefficients of rising and of falling
         angles less those of the fit, if they differ.
         """
-        d, found = self._data, []
+        return self._of_sides[0]
+
+    @property
+    def _loops(self) -> Mapping[str, FloatArray]:
+        """(n, q) parts of the readings by which rising and falling angles differ, V, by sensor that has any."""
+        return self._of_sides[1]
+
+    @cached_property
+    def _of_sides(self) -> tuple[list[tuple[str, FTest, FloatArray | None]], dict[str, FloatArray]]:
+        d, found, loops = self._data, [], {}
         sides = [(axis, np.asarray(one, np.float64)) for axis, one in (("pitch", d.pitch_side), ("roll", d.roll_side))]
         tests = len(d.sensors) * sum(len(np.unique(side[side != 0.0])) > 1 for _, side in sides)
         h = attitude_columns(d.pitch_deg, d.roll_deg, roll=d.has_roll)
@@ -241,8 +274,10 @@ class AttitudeEvaluation(Evaluation):
             if self._temperature:
                 every = self._with_warmth(h, self.columns[SENSOR_TEMPERATURE] - self._reference, name)
             basis = orthonormal(every)
+            rest, seen = project_out(left, basis), np.zeros((len(left), 0))
             for axis, side in sides:
-                differs, test, _, _ = by_side(h, basis, project_out(left, basis), side, tests)
+                differs, test, _, wider = by_side(h, basis, rest, side, tests)
+                seen = np.column_stack([seen, wider[:, basis.shape[1] :]])
                 if (held := self._by_side(name, axis)) is not None:
                     more = sides_of(reversed_by(h, held, side, basis))
                     differs = more if differs is None else differs + more
@@ -250,7 +285,10 @@ class AttitudeEvaluation(Evaluation):
                     differs = np.insert(differs, 2, 0.0, axis=1) if differs.shape[1] == 3 else differs
                     differs = np.pad(differs, ((0, 0), (4 * i, self._base.size - 4 * i - 4)))
                 found.append((f"{name} in {axis}", test, differs))
-        return found
+            if seen.shape[1]:
+                seen = orthonormal(seen)
+                loops[name] = seen * (seen.T @ rest)
+        return found, loops
 
     def _by_side(self, name: str, axis: str) -> FloatArray | None:
         """(n,) the part of a sensor's readings taken off that is of the direction of an axis, V; None without any."""

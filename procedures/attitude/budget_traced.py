@@ -7,6 +7,7 @@ those by the named one by a model error, which has a line of its own.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from rig.procedures.attitude.infer import AttitudeCalibration
 from rig.procedures.attitude.infer.traced import Volts, calibrate_traced
 from rig.procedures.attitude.results import Model
 from rig.procedures.evaluate.budgeting import alike
+from rig.procedures.evaluate.scatter_for_budgets import Scatter
 
 
 class TracedEvaluation(AttitudeEvaluation):
@@ -67,9 +69,14 @@ class TracedEvaluation(AttitudeEvaluation):
         own = np.array([one.coefficients[:4] for one in self._plain.sensors])
         return np.asarray(own + super()._coefficients(moved) - super()._coefficients({})) if moved else own
 
-    def _with_scatter(self, calibration: AttitudeCalibration) -> AttitudeCalibration:
+    def _with_scatter(self, calibration: AttitudeCalibration, scatters: Mapping[str, Scatter]) -> AttitudeCalibration:
         """The calibration unchanged: the effects are out of the residuals."""
         return calibration
+
+    def _beside(self, loops: Volts) -> AttitudeCalibration:
+        """See `AttitudeEvaluation`."""
+        found = calibrate_traced(self._data, {**self._effects, **loops}, (), temperature=self._temperature)
+        return replace(found, alternatives=self._plain.alternatives)
 
     def model_errors(self) -> Iterator[TypeA]:
         """The differences between causes that the data cannot separate, all of them equally likely."""

@@ -45,8 +45,10 @@ class Calibrated(Protocol):
         """(m, m) covariance of its results; (m,) degrees of freedom; (m,) variances by the fit alone."""
 
     @property
-    def reversibility(self) -> FloatArray | None:
-        """(2, m) its results of rising and of falling series, less its results; None if they do not differ."""
+    def reversibility(self) -> tuple[FloatArray, FloatArray] | None:
+        """(2, m) its results of rising and of falling series, less its results, and (m,) the variance of half of their
+        difference; None if they do not differ.
+        """
 
 
 class EvaluationBySensor(Evaluation):
@@ -64,9 +66,10 @@ class EvaluationBySensor(Evaluation):
         """Differences between rising and falling series, as covariances of the results, which are half-way between."""
         ends = np.cumsum([len(list(one.named())) for one in self.each])
         for one, end in zip(self.each, ends.tolist(), strict=True):
-            if (sides := one.reversibility) is not None:
+            if (found := one.reversibility) is not None:
+                sides, variance = found
                 places = (end - sides.shape[1], ends[-1] - end)
-                yield line_of(one.name, np.pad(sides, ((0, 0), places)), np.pad(one.scatter()[2], places))
+                yield line_of(one.name, np.pad(sides, ((0, 0), places)), np.pad(variance, places))
 
     def inferred(self, output: str, readings: FloatArray) -> FloatArray:
         """(p,) inferred values of readings of one output at the points."""

@@ -17,20 +17,19 @@ EITHER_SIDE = (
 )
 
 
-def line_of(name: str, sides: FloatArray, of_fit: FloatArray) -> TypeA:
+def line_of(name: str, sides: FloatArray, variance: FloatArray) -> TypeA:
     """The line for (2, m) results of rising and of falling series, less the results.
 
     A reading is on one side or the other: the deviation has two values, so its size is its standard uncertainty. That
-    is more than the rectangular distribution of ISO 376 and EURAMET cg-4, which is for readings of any history. The
-    size is as uncertain as the results are by the fit.
+    is more than the rectangular distribution of ISO 376 and EURAMET cg-4, which is for readings of any history.
 
     Args:
         name: of the sensor.
         sides: (2, m).
-        of_fit: (m,) variance of the results by the fit alone.
+        variance: (m,) of half of the difference, by the run.
     """
     size = np.max(np.abs(sides), axis=0) * np.where(sides[0] < sides[1], -1.0, 1.0)
-    covariance = np.outer(size, size) + np.diag(np.where(size == 0.0, 0.0, of_fit))
+    covariance = np.outer(size, size) + np.diag(np.where(size == 0.0, 0.0, variance))
     return TypeA(covariance, np.inf, f"reversibility of {name}", SERIES, "B", deviation=size)
 
 

@@ -113,15 +113,15 @@ class Sensor:
         return np.asarray(rows.tangent(fit)[0] / rows.scale_at(fit)[:, None])
 
     @property
-    def reversibility(self) -> FloatArray | None:
-        """(2, m) results of rising and of falling series, less the results; None if they do not differ."""
+    def reversibility(self) -> tuple[FloatArray, FloatArray] | None:
+        """See `Calibrated`. The size is as uncertain as the results are by the fit."""
         found = None if self.strata is None else self.strata.reversed
         if self.by_side is not None:
             side = side_of(self.table)
             side = side if side.any() else np.sign(self.by_side)  # of one of several factors that go up and down
             off = sides_of(reversed_by(self._tangent, self.by_side, side))
             found = off if found is None else found + off
-        return None if found is None else found @ self._jacobian.T
+        return None if found is None else (found @ self._jacobian.T, self.scatter()[2])
 
     def coefficients(self, columns: Columns) -> FloatArray:
         """(k,) coefficients with other columns."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
-from rig.fitter.strata import by_side, reversed_by, sides_of
+from rig.fitter.strata import by_side, covariance_of_sides, reversed_by, sides_of
 from rig.fitter.sums_of_squares import FTest, project_out
 from rig.procedures.evaluate.budget_by_sensor import EvaluationBySensor
 from rig.procedures.evaluate.budgeting import OF_PLOTS, Shift, Shifts
@@ -21,7 +21,7 @@ from rig.procedures.evaluate.reversibility import in_words
 from rig.procedures.evaluate.stated import PlaceConstant
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.fit import Errors, PressureCalibration, PressureFit, fit_transducers
-from rig.procedures.pressure.fit.methods import METHOD
+from rig.procedures.pressure.fit.methods import METHOD, errors_beside
 from rig.procedures.pressure.fit.models import coefficient_unit
 from rig.procedures.pressure.infer import infer_pressure
 from rig.procedures.pressure.influences import COLUMN_PER_M
@@ -120,7 +120,7 @@ class Transducer:
         """(m, m) covariance of the results, with one reading in a new whole plot for inferred pressures; (m,) df;
         (m,) variances by the fit alone.
         """
-        one, errors, h = self.calibration, self.calibration.errors, self.rows
+        one, errors, h = self._beside_loop, self._beside_loop.errors, self.rows
         k, p, J = len(one.coefficients), len(h), self._jacobian
         covariance = J @ one.covariance @ J.T
         gradient, of_fit = np.einsum("mk,pkl,ml->mp", J, one.derivatives, J), np.diag(covariance).copy()
@@ -136,34 +136,65 @@ class Transducer:
         h = self.rows
         return np.vstack([np.eye(h.shape[1]), h, -h / self.slope[:, None]])
 
-    @cached_property
+    @property
     def sides(self) -> tuple[FloatArray | None, FTest]:
         """(2, k) coefficients of rising and of falling pressures, less those of the fit, in whole plots; their test."""
+        return self._sides[:2]
+
+    @cached_property
+    def _beside_loop(self) -> PressureCalibration:
+        """The calibration, with the errors of readings of one direction where rising and falling pressures differ."""
+        loop = self._sides[2]
+        if not loop.shape[1]:
+            return self.calibration
+        errors, covariance, derivatives = errors_beside(self.fit.problem, loop)
+        return replace(self.calibration, errors=errors, covariance=covariance, derivatives=derivatives)
+
+    @cached_property
+    def _within(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Within whole plots, over the standard deviation of each reading: (n,) one over that, (n, k) columns of the
+        model, (n, q) of those, whole plots and levels an orthonormal basis, (n,) sides.
+
+        The ends of the range are reached from one side each, so that a curve that the model lacks is none of the sides.
+        """
         data = self.fit.problem.data
         each = 1.0 / self.calibration.errors.subplot_sd(data.pressure_psia)
         columns = each[:, None] * self.fit.problem.formula.columns(data.table)[1]
-        inside = (data.whole_plot[:, None] == data.whole_plots) * each[:, None]
-        # The ends of the range are reached from one side each: a curve that the model lacks, and a sensitivity that is
-        # another one in each whole plot, are none of the sides.
-        slopes = inside * data.pressure_psia[:, None]
         levels, level = data.pressure_levels
-        at_level = (level[:, None] == np.arange(len(levels))) * each[:, None]
-        basis, side = orthonormal(np.column_stack([inside, columns, at_level])), data.pressure_side.astype(np.float64)
+        at_level = level[:, None] == np.arange(len(levels))
+        inside = (data.whole_plot[:, None] == data.whole_plots) * each[:, None]
+        basis = orthonormal(np.column_stack([inside, columns, at_level * each[:, None]]))
+        return each, columns, basis, data.pressure_side.astype(np.float64)
+
+    @cached_property
+    def _sides(self) -> tuple[FloatArray | None, FTest, FloatArray]:
+        """See `sides`; and (n, q) columns of the loop that was found in the readings."""
+        data, (each, columns, basis, side) = self.fit.problem.data, self._within
+        # a sensitivity that is another one in each whole plot is none of the sides
+        inside = data.whole_plot[:, None] == data.whole_plots
+        slopes = inside * (each * data.pressure_psia)[:, None]
         left = project_out(each * data.outputs[self.name], basis)
         wide = orthonormal(np.column_stack([basis, slopes]))
         found, test, _, _ = by_side(columns, wide, project_out(left, wide), side, len(data.outputs))
+        loop = basis[:, :0]
         if found is not None:  # its size is known better without slopes
-            found = by_side(columns, basis, left, side)[0]
+            found, _, _, every = by_side(columns, basis, left, side)
+            loop = every[:, basis.shape[1] :] / each[:, None]
         if self.by_side is not None:
             more = sides_of(reversed_by(columns, each * self.by_side, side, basis))
             found = more if found is None else found + more
-        return found, test
+        return found, test, loop
 
     @property
-    def reversibility(self) -> FloatArray | None:
-        """(2, m) results of rising and of falling pressures, less the results; None if they do not differ."""
+    def reversibility(self) -> tuple[FloatArray, FloatArray] | None:
+        """See `Calibrated`. Errors of whole plots are on both sides alike."""
         found = self.sides[0]
-        return None if found is None else found @ self._jacobian.T
+        if found is None:
+            return None
+        _, columns, basis, side = self._within
+        variance = self._beside_loop.errors.subplot_variance / self.calibration.errors.subplot_variance
+        covariance = variance * covariance_of_sides(columns, side, basis)
+        return found @ self._jacobian.T, np.einsum("mk,kl,ml->m", self._jacobian, covariance, self._jacobian)
 
 
 class PressureEvaluation(EvaluationBySensor):

@@ -32,6 +32,7 @@ NAMES = (
     "confirm",
     "cover",
     "coverage_effects",
+    "coverage_sides",
     "curves",
     "early_warnings",
     "forecasts",

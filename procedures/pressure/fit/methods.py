@@ -8,7 +8,7 @@ not the inverse of a variance.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -16,7 +16,8 @@ from scipy import special
 from rig.fitter import Triangle
 from rig.fitter.arrays import FloatArray
 from rig.fitter.json_values import coefficient_table
-from rig.procedures.pressure.fit.errors import Errors
+from rig.fitter.split_plot import fit_split_plot
+from rig.procedures.pressure.fit.errors import Errors, estimate_errors
 from rig.procedures.pressure.fit.in_use import InUse, in_use
 from rig.procedures.pressure.fit.models import of_whole_plot
 from rig.procedures.pressure.fit.problem import Problem
@@ -152,13 +153,7 @@ def fit_method(problem: Problem, method: str, sensitivity_mV_per_psi: float | No
     """
     y, data, layout = problem.data.outputs[problem.output], problem.data, problem.layout
     estimate = METHODS[method](problem)
-    if method == "GLS" and problem.errors.growth_per_psia == 0.0:
-        roger = problem.reml.kenward_roger()
-        covariance, df = roger.covariance, problem.reml.df
-        derivatives = layout.covariance(problem.errors, estimate.estimator)[1]
-    else:
-        covariance, derivatives = layout.covariance(problem.errors, estimate.estimator)
-        df = problem.errors.df(np.diag(covariance), np.diagonal(derivatives, axis1=1, axis2=2).T)
+    covariance, derivatives, df = _precision(problem, method, estimate)
     new, by_parameter = problem.errors.of_reading(data.pressure_psia, new_whole_plot=not estimate.knows_whole_plot)
     fixed, fixed_by = layout.variances(problem.errors, estimate.hat, shared=not estimate.knows_whole_plot)
     limit = special.stdtrit(problem.errors.df(new + fixed, by_parameter + fixed_by), 0.975).astype(np.float64)
@@ -188,6 +183,30 @@ def fit_method(problem: Problem, method: str, sensitivity_mV_per_psi: float | No
         in_use=in_use(problem, estimate.hat, residuals, half, slope, zeroed),
         note=BIASED if method == "weighted response" else "",
     )
+
+
+def _precision(problem: Problem, method: str, estimate: Estimate) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(k, k) covariance, its (p, k, k) derivatives by the parameters of the errors, (k,) degrees of freedom."""
+    covariance, derivatives = problem.layout.covariance(problem.errors, estimate.estimator)
+    if method == METHOD and problem.errors.growth_per_psia == 0.0:
+        return problem.reml.kenward_roger().covariance, derivatives, problem.reml.df
+    df = problem.errors.df(np.diag(covariance), np.diagonal(derivatives, axis1=1, axis2=2).T)
+    return covariance, derivatives, df
+
+
+def errors_beside(problem: Problem, more: FloatArray) -> tuple[Errors, FloatArray, FloatArray]:
+    """Errors of a reading with (n, q) columns beside the model, (k, k) covariance of the model's coefficients by GLS,
+    and its (p, k, k) derivatives by the parameters of the errors.
+    """
+    k, columns = len(problem.names), np.column_stack([problem.columns, more])
+    names = (*problem.names, *(f"beside {i}" for i in range(more.shape[1])))
+    data = problem.data
+    replicate = None if problem.layout.replicate is None else data.replicate
+    reml = fit_split_plot(columns, data.outputs[problem.output], data.whole_plot, names, replicate=replicate)
+    errors = estimate_errors(reml, columns, problem.layout)
+    every = replace(problem, names=names, columns=columns, reml=reml, errors=errors)
+    covariance, derivatives, _ = _precision(every, METHOD, gls(every))
+    return errors, covariance[:k, :k], derivatives[:, :k, :k]
 
 
 def _with_indicators(problem: Problem, weight: FloatArray) -> Estimate:
