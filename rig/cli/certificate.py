@@ -18,6 +18,7 @@ from rig.cli.signed_in import LoginOption, signed_in
 from rig.errors import ExitCode, UsageError
 from rig.lab import laboratory_of
 from rig.procedures.column_names import split_unit, unit_of
+from rig.procedures.present.terminal import print_whole
 from rig.units.differences import NOT_CELSIUS
 
 if TYPE_CHECKING:
@@ -336,7 +337,7 @@ def _show(found: Read, signed: tuple[Signed, ...], errors: list[str], *, checked
     for quantity in found.quantities:
         for row in _rows(quantity):
             table.add_row(*(escape(cell) for cell in row))
-    out.print(table)
+    print_whole(table, out)
     for what, word in found.conformity:
         out.print(f"  conformity: {escape(what)}: [bold]{escape(word)}[/]", soft_wrap=True)
 

@@ -13,6 +13,7 @@ from rich.table import Table
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode
 from rig.procedures.present.durations import duration
+from rig.procedures.present.terminal import print_whole
 
 if TYPE_CHECKING:
     from rig.fitter.confirm import Confirmation
@@ -129,7 +130,7 @@ def show(confirmed: Confirmed, listed: Mapping[str, Any], report: Path | None, *
             escape(confirmed.named(name)), *(f"{confirmed.inferred(e, v):.3g}" for v in (e.before, e.after, e.sigma))
         )
     out.print()
-    out.print(errors)
+    print_whole(errors, out)
     if confirmed.own:
         out.print(f"  for both models, {confirmed.own}", soft_wrap=True)
     out.print()

@@ -15,6 +15,7 @@ from rig.cli.options import JsonOption
 from rig.cli.show import err, mark, out, print_json
 from rig.cli.unattended import NotifyFileOption
 from rig.errors import ExitCode
+from rig.procedures.present.terminal import print_whole
 
 if TYPE_CHECKING:
     from rig.unattended.doctor.findings import Finding, Level
@@ -60,7 +61,7 @@ def _show(findings: list[Finding], *, dry: bool, looked: bool) -> None:
     for finding in findings:
         text = escape(finding.found) + (f"\n[bold]→ {escape(finding.next_step)}[/]" if finding.next_step else "")
         table.add_row(f"[{_STYLES[finding.level]}]{finding.level}[/]", escape(finding.check), text)
-    out.print(table)
+    print_whole(table, out)
     counts = Counter(finding.level for finding in findings)
     words = ", ".join(f"{counts[level]} {level}" for level in _STYLES if counts[level])
     ready = "ready for the night" if looked else "this machine is ready; no bench was checked (--bench BENCH)"

@@ -18,6 +18,7 @@ from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode, UsageError
 from rig.files.atomic import write_whole
 from rig.procedures.present.shell import shell_word
+from rig.procedures.present.terminal import print_whole
 
 
 class Action(StrEnum):
@@ -173,7 +174,7 @@ def _check(
                 style, word = ("green", "ok") if step.ok else ("bold red", "WRONG")
                 wire = "".join(f"\n[dim]{escape(line)}[/]" for line in step.wire)
                 table.add_row(f"[{style}]{word}[/]", step.what, escape(step.found) + wire)
-            out.print(table)
+            print_whole(table, out)
         right = all(one.ok for one in found)
         err.print(f"{mark(not address)}{'as its file says' if right else 'NOT as its file says'}")
     return ExitCode.DONE if all(one.ok for one in found) else ExitCode.FAULT

@@ -17,7 +17,7 @@ from rig.errors import ExitCode, RigError, UsageError
 from rig.files.regular import real_path
 from rig.procedures.present.durations import duration
 from rig.procedures.present.shell import shell_word
-from rig.procedures.present.terminal import show
+from rig.procedures.present.terminal import print_whole, show
 from rig.run_file.events.sessions import RunCreated
 from rig.run_file.live import controller_alive, read_live
 from rig.run_file.read.safe_opening import sensible
@@ -145,9 +145,7 @@ _STYLES = {"complete": "green", "faulted": "red", "unreadable": "red", "not whol
 
 
 def _show(rows: list[dict[str, Any]]) -> None:
-    table = Table(box=None, pad_edge=False)
-    for title in ("run file", "state", "points", "bench time", "left", "last record (UTC)"):
-        table.add_column(title, overflow="fold")
+    table = Table("run file", "state", "points", "bench time", "left", "last record (UTC)", box=None, pad_edge=False)
     for row in rows:
         style = _STYLES.get(row["state"], "bold" if row.get("running") else "yellow")
         state = f"[{style}]{escape(row['state'])}[/]"
@@ -161,4 +159,4 @@ def _show(rows: list[dict[str, Any]]) -> None:
         points = f"{row['done']}/{row['points']}"
         table.add_row(escape(row["run_file"]) + mark, state, points, duration(row["elapsed_s"]), left, last)
     # Not wrapped, so that grep and cut find one line per run.
-    (out if out.is_terminal else type(out)(highlight=False, width=10_000)).print(table)
+    print_whole(table, out if out.is_terminal else type(out)(highlight=False, width=10_000))
