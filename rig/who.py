@@ -23,11 +23,11 @@ class Operator:
 
     Attributes:
         name: name of the person, or of the account.
-        by: source of the name; it is verified only by "password".
+        by: source of the name; verified only by "password", or the "token" of a program.
     """
 
     name: str
-    by: Literal["--operator", "RIG_OPERATOR", "login", "password"]
+    by: Literal["--operator", "RIG_OPERATOR", "login", "password", "token"]
 
     def as_json(self) -> dict[str, str]:
         """Values for the run file."""
@@ -49,6 +49,11 @@ def operator(given: str | None = None) -> Operator:
         return Operator(pwd.getpwuid(os.getuid()).pw_name, "login")
     except KeyError:
         return Operator(f"uid {os.getuid()}", "login")
+
+
+def login_of(who: str) -> str:
+    """The login in the name of a person of a laboratory, "Anna Berg (anna)"; the whole name if there is none."""
+    return who[:-1].rpartition("(")[2] if who.endswith(")") else who
 
 
 def _checked(name: str, where: str) -> str:

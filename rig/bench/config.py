@@ -159,6 +159,11 @@ class BenchConfig(_Strict):
 
     name: Name = Field(description="name of the bench, for people")
     simulated: bool = Field(False, description="whether its instruments are simulated, also without --dry")
+    approval: bool = Field(
+        False,
+        description="whether a real run begins only if somebody else than its proposer approved exactly its files "
+        "([two keys](../how_to/people_and_server.md#two-keys))",
+    )
     equipment: str = Field(
         "",
         description="[register of equipment](../how_to/register.md), a file beside this one; "

@@ -89,6 +89,16 @@ COMMANDS = {
         "rig.cli.people",
         "People of a laboratory: who they are, what they may do, and their passwords.",
     ),
+    "propose": Entry(
+        _PEOPLE,
+        "rig.cli.proposals",
+        "Propose a run: its dry run, and everything that decides the real one, for somebody else to approve.",
+    ),
+    "approve": Entry(
+        _PEOPLE,
+        "rig.cli.proposals",
+        "Show proposals; approve or decline one that somebody else made.",
+    ),
     "log": Entry(
         _PEOPLE,
         "rig.cli.people",

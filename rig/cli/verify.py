@@ -15,7 +15,11 @@ from rig.cli.commands import app
 from rig.cli.options import JsonOption, RunArgument
 from rig.cli.show import mark, out, print_json
 from rig.errors import ExitCode, RunFileError, UsageError
+from rig.lab import laboratory_of
 from rig.procedures.present.shell import shell_word
+from rig.run_file.approval import DOCUMENT as APPROVAL
+from rig.run_file.approval import Approval
+from rig.run_file.damage.audit import Finding
 from rig.run_file.damage.proven import Other
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.elsewhere import goes_on_in
@@ -78,6 +82,8 @@ def verify(
 
         of_runs = tuple(findings_of_runs(open_program(run_file)))
         found = dataclasses.replace(found, findings=of_runs)
+    if found.whole:
+        found = _with_approval(run_file, found)
     seals = _seals(run_file, authority, sealed_by or [])
     if as_json:
         _print_json(found, seals)
@@ -86,6 +92,24 @@ def verify(
     if found.whole:
         return _sealed(run_file, seals, asked=bool(sealed_by))
     raise RunFileError(_way_forward(run_file, found))
+
+
+def _with_approval(run_file: Path, found: Verification) -> Verification:
+    """A verification, with what the laboratory's log says of the run's approval."""
+    with RunReader.open(run_file) as reader:
+        text = reader.documents().get(APPROVAL)
+    if text is None:
+        return found
+    from rig.lab.proposals import findings_of_approval  # noqa: PLC0415 - few runs are approved
+
+    approval, laboratory = Approval.of(text), laboratory_of(run_file)
+    said = f"proposed by {approval.proposed_by}, approved by {approval.approved_by} (proposal {approval.proposal})"
+    if laboratory is None:
+        note = f"{said}; the laboratory's log is not here, and was not compared"
+        return dataclasses.replace(found, notes=(*found.notes, note))
+    wrong = tuple(Finding("approval", one) for one in findings_of_approval(laboratory, approval))
+    notes = found.notes if wrong else (*found.notes, f"{said}, as {laboratory.log_file} says")
+    return dataclasses.replace(found, findings=wrong, notes=notes)
 
 
 def _seals(run_file: Path, authority: Path | None, keys: list[Path]) -> tuple[Checked, ...]:

@@ -8,12 +8,22 @@ bench file itself and shares no code with its callers.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from operator import attrgetter
 from typing import Any
 
-from rig.drivers.roles import Chamber, Head, Instrument, PressureController, Source, plays
+from rig.drivers.roles import (
+    Chamber,
+    ChamberState,
+    Head,
+    Instrument,
+    PressureController,
+    PressureState,
+    Source,
+    SourceState,
+    plays,
+)
 from rig.errors import BenchFault
 from rig.units.of_instruments import PRESSURE
 
@@ -41,6 +51,11 @@ class _Guarded:
                 f"{quantity} = {value:g} was commanded to {self._guarded_name}, outside {low:g} to "
                 f"{high:g} (bench limits); it was not sent. This is a fault of the program: please report it"
             )
+
+    @property
+    def _guarded_quantity(self) -> str:
+        """What it sets, with a unit: its first factor; "" without one."""
+        return next(iter(self._guarded_factors), "")
 
     def _check_factors(self, value: float, *others: str) -> None:
         """Check a value against the limits of the factors that the instrument sets, and of these quantities."""
@@ -71,6 +86,29 @@ class _GuardedSource(_Guarded):
     def set(self, value: float) -> None:
         self._check_factors(value)
         self._guarded.set(value)
+
+
+def watch_readbacks(instrument: Instrument, note: Callable[[str, float], None]) -> None:
+    """Call `note` with quantity and value whenever a guarded instrument reads back what it sets; others stay as are."""
+    if not isinstance(instrument, _Guarded):
+        return
+    read, own, name = instrument._guarded.read, instrument._guarded_quantity, instrument._guarded_name
+
+    def noted() -> Any:
+        state = read()
+        match state:
+            case ChamberState():
+                note(own or f"{name}_degC", state.temperature_degC)
+            case PressureState():
+                note(own or PRESSURE, state.pressure_psia)
+            case SourceState():
+                note(own or name, state.value)
+            case dict():  # of a head
+                for axis, one in state.items():
+                    note(f"{axis}_deg", one.position_deg)
+        return state
+
+    instrument._guarded.read = noted
 
 
 _GUARDED: tuple[tuple[type, type[_Guarded]], ...] = (

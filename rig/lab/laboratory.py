@@ -21,7 +21,7 @@ from rig.files.toml_text import toml_text
 from rig.lab.people import FILE, People, parse_people
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
-from rig.run_file.events.laboratory import FileChanged
+from rig.run_file.events.laboratory import ApprovalUsed, Decided, FileChanged, Proposed
 from rig.run_file.verify.verification import LOG
 from rig.run_file.write.ledger import Ledger
 from rig.who import Operator
@@ -34,11 +34,39 @@ _SECRET = re.compile(
 
 
 @dataclass
+class Proposal:
+    """A proposal.
+
+    Attributes:
+        asked: as it was made.
+        asked_utc_s: when, seconds since 1970-01-01.
+        decided: how it was decided; None while it waits.
+        used: id of the run that used its approval; "" if none has.
+    """
+
+    asked: Proposed
+    asked_utc_s: float
+    decided: Decided | None = None
+    used: str = ""
+
+    @property
+    def number(self) -> int:
+        """Its number."""
+        return self.asked.number
+
+    @property
+    def state(self) -> str:
+        """One word: "waiting", "approved", "declined", "used"."""
+        return "used" if self.used else "waiting" if self.decided is None else self.decided.decision
+
+
+@dataclass
 class Log:
     """State of a log, folded from its records.
 
     Attributes:
         records: all of them.
+        proposals: by number.
         files: by file, its last SHA-256.
         texts: by file, its last text.
     """
@@ -46,12 +74,22 @@ class Log:
     records: list[Record] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
     texts: dict[str, str] = field(default_factory=dict)
+    proposals: dict[int, Proposal] = field(default_factory=dict)
 
     def add(self, record: Record) -> None:
         """Take the next record."""
         self.records.append(record)
-        if isinstance(event := record.event, FileChanged):
-            self.files[event.file], self.texts[event.file] = event.after, event.text
+        match event := record.event:
+            case FileChanged():
+                self.files[event.file], self.texts[event.file] = event.after, event.text
+            case Proposed():
+                self.proposals[event.number] = Proposal(event, record.utc_s)
+            case Decided() if event.number in self.proposals:
+                self.proposals[event.number].decided = event
+            case ApprovalUsed() if event.number in self.proposals:
+                self.proposals[event.number].used = event.run
+            case _:
+                pass
 
 
 @dataclass(frozen=True)

@@ -115,6 +115,11 @@ def start_loop(
         BusyError: another controller has the bench.
     """
     plan, by = _begun_with_least(load_plan(procedure, bench, dry=dry, world=world)), by or operator()
+    if plan.needs_approval:
+        raise UsageError(
+            f"{bench} says approval = true, and the further runs of a loop are approved by nobody: rig run makes the "
+            f"first one, once it is approved (rig propose)"
+        )
     bounds = bounds_of(plan, until, hours)
     check_room(folder, len(plan.run_list))
     with _held(plan, site) as held:

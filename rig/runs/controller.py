@@ -35,6 +35,8 @@ from rig.instruments.opening import Bench, identities, open_bench
 from rig.instruments.person_at_bench import ServedBench
 from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT
+from rig.run_file.approval import DOCUMENT as APPROVAL
+from rig.run_file.approval import defect, digests_of
 from rig.run_file.bodies import COUNT
 from rig.run_file.live import controller_alive, live_path, read_json
 from rig.run_file.read.reader import RunReader
@@ -168,6 +170,7 @@ def start_run(
     name. `run_id` names the run; by default its name has the time of its begin.
     """
     by = by or operator()
+    permission = plan.permission()
     check_room(folder, len(plan.run_list))
     with site.opened(plan, start=world_start_s) as (bench, clock, boot):
         guard = Guard(plan.bench.limits, plan.bench.factors)
@@ -187,7 +190,10 @@ def start_run(
         about |= by.as_json()
         if world_start_s:
             about["world_start_s"] = world_start_s
-        genesis = Genesis(run_id, plan.documents, plan.run_list, plan.dry or plan.bench.simulated, about)
+        documents = dict(plan.documents)
+        if permission is not None:
+            documents[APPROVAL] = permission.use(run_id, by.name)
+        genesis = Genesis(run_id, documents, plan.run_list, plan.dry or plan.bench.simulated, about)
         create(path, genesis, elapsed_s=0.0, utc_s=clock.utc(), vfs=site.vfs)
         announce(path)
         if create_only:
@@ -257,6 +263,8 @@ def resume_run(
         if unknown:
             known = ", ".join(sorted(plan.bench.instruments))
             raise UsageError(f"--accept {unknown[0]}: this bench has no such instrument (known: {known})")
+        if plan.needs_approval:
+            _check_approved(run)
         check_room(path, state.remaining)
         hint, before = "" if bench else _moved(plan, path), len(state.accepted)
         try:
@@ -271,6 +279,14 @@ def resume_run(
         if served_anew and result.outcome in (Outcome.FAULT, Outcome.UNSAFE):
             return replace(result, message=f"{result.message}{hint}")
         return result
+
+
+def _check_approved(run: RunReader) -> None:
+    """Refuse to go on with a run that was not approved. Raises `UsageError`."""
+    about, documents = run.about(), run.documents()
+    why = defect(documents.get(APPROVAL), digests_of(documents), about.run_list, about.run_id)
+    if why:
+        raise UsageError(f"{run.path} {why}: begin a run that is approved (rig propose)")
 
 
 def _moved(plan: Plan, path: Path) -> str:

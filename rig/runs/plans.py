@@ -13,6 +13,8 @@ from rig.bench.contract_files import files_beside, read_bench, with_contracts, w
 from rig.errors import ConfigurationError, RigError, UsageError
 from rig.files.toml_text import toml_text
 from rig.fitter.errors import FitError
+from rig.lab import Laboratory, laboratory_of
+from rig.lab.proposals import Permission, permission
 from rig.procedures.kind import Completed, Procedure
 from rig.procedures.kinds import kind_of
 from rig.procedures.present.shell import shell_word
@@ -49,6 +51,9 @@ class Plan:
         truth: the world file's values; passed only to twins.
         world: name of the world file, for messages.
         unsettled: fields that a certificate needs and the settings beside the bench file lack, as sentences.
+        laboratory: the laboratory with people in which the bench file is; None if there is none, or it is no file.
+        path: the procedure file; None if it is none.
+        bench_path: likewise.
     """
 
     documents: Mapping[str, str]
@@ -59,6 +64,20 @@ class Plan:
     truth: Mapping[str, Any]
     world: str = "world.toml"
     unsettled: tuple[str, ...] = ()
+    laboratory: Laboratory | None = None
+    path: Path | None = None
+    bench_path: Path | None = None
+
+    @property
+    def needs_approval(self) -> bool:
+        """Whether it is a real run on a bench with two keys."""
+        return self.bench.approval and not self.dry
+
+    def permission(self) -> Permission | None:
+        """The permission to run; None if none is needed. Raises `UsageError` if there is none."""
+        if not self.needs_approval:
+            return None
+        return permission(self.laboratory, self.documents, self.run_list.sha256(), self.path or "PROCEDURE")
 
 
 def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | None = None) -> Plan:
@@ -89,7 +108,8 @@ def load_plan(procedure: Path, bench: Path, *, dry: bool = False, world: Path | 
         kind_of(plan.procedure).check_design(plan.procedure, plan.run_list)
     except FitError as error:
         raise ConfigurationError(f"{procedure}: {error}") from error
-    plan = replace(plan, unsettled=lacking_beside(bench))
+    plan = replace(plan, unsettled=lacking_beside(bench), laboratory=laboratory_of(bench))
+    plan = replace(plan, path=procedure, bench_path=bench)
     misfit, sensors = plan.procedure.conduct.misfit, config.sensors
     columns = {name: f"{name}_{sensor.unit}" for name, sensor in sensors.items()}
     if misfit is not None and (defect := misfit(columns, config.read_only)):
@@ -265,6 +285,11 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
     if bench is None:
         return plan
     other, _ = read_bench(bench)
+    if plan.needs_approval:
+        raise ConfigurationError(
+            f"{bench}: the run was approved with its own bench file, and no other; resume it without --bench, or "
+            f"propose a new run with this one"
+        )
     options = check_options(other, str(bench))
     for what in (
         "name",
@@ -276,6 +301,7 @@ def stored_plan(run: RunReader, path: Path, bench: Path | None) -> Plan:
         "interlocks",
         "safety",
         "simulated",
+        "approval",
     ):
         if getattr(other, what) != getattr(plan.bench, what):
             raise ConfigurationError(f"{bench}: {what} differ from the bench the run began on; only instruments may")

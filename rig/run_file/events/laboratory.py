@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rig.run_file.bodies import Text, Texts
-from rig.run_file.events.event import DECISION, Event
+from rig.run_file.bodies import Count, Table, Text, Texts
+from rig.run_file.events.event import DECISION, Event, Status
 
 if TYPE_CHECKING:
     from rig.run_file.columns import Columns
@@ -60,3 +60,79 @@ class CertificateSigned(Event, kind="laboratory", status="signed", matters=DECIS
     def sentence(self, record: Columns) -> str:
         """Which, by whom."""
         return f"certificate {self.number} was issued and signed by {self.who}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Proposed(Event, kind="laboratory", status="proposed", matters=DECISION):
+    """A run is proposed, after its dry run.
+
+    Attributes:
+        number: ordinal of the proposal, from 1.
+        procedure: path of its file.
+        bench: likewise.
+        documents: texts of everything that decides the run, by name of the document.
+        run_list: hash of its run list.
+        dry: what its dry run came to: `outcome`, `hours`, `points`, `extremes`, `left_on`, `warnings`, `head`, `world`.
+        why: reason, "" without one.
+        who: name of the person or program.
+        who_by: source of the name.
+    """
+
+    number: Count
+    procedure: Text
+    bench: Text
+    documents: Texts
+    run_list: Text
+    dry: Table
+    why: Text = ""
+    who: Text
+    who_by: Text
+
+    def sentence(self, record: Columns) -> str:
+        """What is proposed, by whom."""
+        why = f": {self.why}" if self.why else ""
+        return f"proposal {self.number} by {self.who}: {self.procedure} on {self.bench}{why}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decided(Event, kind="laboratory", matters=DECISION):
+    """Somebody else, whose password was right, approved or declined a proposal.
+
+    Attributes:
+        decision: "approved" or "declined".
+        number: of the proposal.
+        digests: SHA-256 of its documents, by name.
+        run_list: hash of its run list.
+        why: reason, "" without one.
+        who: name of the person.
+        who_by: source of the name.
+    """
+
+    decision: Status
+    number: Count
+    digests: Texts
+    run_list: Text
+    why: Text = ""
+    who: Text
+    who_by: Text
+
+    def sentence(self, record: Columns) -> str:
+        """The decision, and by whom."""
+        return f"proposal {self.number} {self.decision} by {self.who}{f': {self.why}' if self.why else ''}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ApprovalUsed(
+    Event, kind="laboratory", status="used", matters=DECISION, says="the approval of proposal {number} is used by {run}"
+):
+    """A run is about to begin with an approval, which holds for no other run.
+
+    Attributes:
+        number: of the proposal.
+        run: id of the run.
+        who: operator of the run.
+    """
+
+    number: Count
+    run: Text
+    who: Text

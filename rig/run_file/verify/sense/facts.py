@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from rig.run_file.approval import DOCUMENT as APPROVAL
+from rig.run_file.approval import defect, digests_of
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import RunCreated, SessionBegan
@@ -49,6 +51,10 @@ class Facts:
             yield f"its procedure is {run.procedure}, its document says {case.procedure.name}"
         if bench is not None and run.bench not in (None, bench.name):
             yield f"its bench is {run.bench}, its document says {bench.name}"
+        if bench is not None and bench.approval and not run.runs_dry:
+            why = defect(case.documents.get(APPROVAL), digests_of(case.documents), run.run_list, run.run_id)
+            if why:
+                yield f"it {why}"
         for why in self._simulated(run):
             if not run.simulated:
                 yield f"it does not say SIMULATED, and {why}"
