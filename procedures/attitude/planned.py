@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 from rig.fitter.quantiles import t_limit
 from rig.procedures.attitude.model import variance_function
 from rig.procedures.attitude.settings import PitchRollProcedure
-from rig.procedures.plan.precision import Precision
+from rig.procedures.plan.precision import Precision, source_of
 from rig.procedures.plan.run_list import RunList
 
 AT_DEG = (0.0, 10.0, 30.0, 60.0, 90.0)
@@ -43,7 +43,8 @@ def precision(procedure: PitchRollProcedure, run_list: RunList) -> Precision:
             for a, s in zip(angles, sd, strict=True)
         ],
         [(f"{a:g}", f"{s:.2e}", f"+-{reach * s:.2e}") for a, s in zip(angles, sd, strict=True)],
-        f"if one observation has a standard error of {sigma:.1e} deg, expect.sigma_deg",
+        f"if one observation has a standard error of {sigma:.1e} deg: "
+        f"{source_of(['sigma_deg'], procedure.expect.model_fields_set)}",
     )
 
 

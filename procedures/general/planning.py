@@ -144,27 +144,31 @@ def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
             unknown.setdefault(_why_not(procedure, sensor, run_list), []).append(sensor or "the model")
             continue
         sigma, who = expect.sigma.get(sensor), sensor or "any sensor"
-        for term, sd, df in zip(found.names, found.stderr, _freedom(found), strict=True):
+        for term, relative, df in zip(found.names, found.stderr.tolist(), _freedom(found), strict=True):
             known = float(df) if np.isfinite(df) and df > 0 else None
-            row = {"sensor": sensor, "term": term, "sd": float(sd) * (sigma or 1.0), "df": known}
-            rows.append(row)
-            cells.append((sensor or "any", term, f"{row['sd']:.3g}", "-" if known is None else f"{known:.0f}"))
+            sd = None if sigma is None else relative * sigma
+            rows.append({"sensor": sensor, "term": term, "sd": sd, "sd_over_scatter": relative, "df": known})
+            if sd is not None:
+                cells.append((sensor, term, f"{sd:.3g}", "-" if known is None else f"{known:.0f}"))
         settings = found.region.settings
         variance = found.variance(settings)
         at = zip(procedure.factors, settings[int(variance.argmax())].tolist(), strict=True)
         where = ", ".join(f"{name} = {value:g}" for name, value in at)
         mean, worst = ((value**0.5) * (sigma or 1.0) for value in (found.mean_variance, float(variance.max())))
-        unit = "" if sigma else ", in standard deviations of one observation"
-        further.append(
-            f"{who}: the fitted value has an sd of {mean:.3g} on average{unit}, and of {worst:.3g} at {where}"
-        )
+        if sigma is None:
+            further.append(
+                f"{who}: no precision is predicted: its scatter is not known. [expect] states it, as in "
+                f"sigma = {{ {sensor or 'SENSOR'} = 0.002 }}. By the design alone the fitted value has {mean:.2g} of "
+                f"that scatter on average, and {worst:.2g} of it at {where}"
+            )
+        else:
+            further.append(f"{who}: the fitted value has an sd of {mean:.3g} on average, and of {worst:.3g} at {where}")
     further += [f"{', '.join(sensors)}: no precision is predicted: {why}" for why, sensors in unknown.items()]
     told = ", ".join(f"{name} {value:g}" for name, value in expect.sigma.items())
-    assumed = f"for a standard deviation of one observation of {told}"
-    if not told:
-        assumed = "for a standard deviation of one observation of 1: expect.sigma says what it is, by sensor"
+    assumed = f"for a standard deviation of one observation of {told}: expect.sigma" if told else ""
     if 0 < run_list.whole_plots < len(run_list):
-        assumed += f"; that between whole plots is {expect.whole_plot_ratio:g} times as large: expect.whole_plot_ratio"
+        ratio = f"that between whole plots is {expect.whole_plot_ratio:g} times as large: expect.whole_plot_ratio"
+        assumed = f"{assumed}; {ratio}" if assumed else ratio
     return Precision(("sensor", "term", "sd", "df"), rows, cells, assumed, tuple(further))
 
 

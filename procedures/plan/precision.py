@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,3 +24,10 @@ class Precision:
     cells: Sequence[tuple[str, ...]] = ()
     assuming: str = ""
     further: tuple[str, ...] = ()
+
+
+def source_of(names: Sequence[str], stated: Collection[str]) -> str:
+    """Where an expected error is from: the procedure, or nobody stated it."""
+    return f"expect.{' and '.join(names)}" + (
+        "" if set(names) <= set(stated) else ", which the procedure does not state"
+    )

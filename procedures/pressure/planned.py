@@ -10,7 +10,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.split_plot import SplitPlotDesign, plan_precision
 from rig.procedures.evaluate.budgeting import Expected
-from rig.procedures.plan.precision import Precision
+from rig.procedures.plan.precision import Precision, source_of
 from rig.procedures.plan.run_list import RunList
 from rig.procedures.pressure.fit import named_formula
 from rig.procedures.pressure.settings import WholePlotProcedure
@@ -58,7 +58,7 @@ def precision(procedure: WholePlotProcedure, run_list: RunList) -> Precision:
         cells,
         "each variable coded from -1 to 1 over the design; if temperature changes have an error of "
         f"{expect.sigma_wholeplot_mV:g} mV and observations one of {expect.sigma_subplot_mV:g} mV: "
-        "expect.sigma_wholeplot_mV, sigma_subplot_mV",
+        f"{source_of(['sigma_wholeplot_mV', 'sigma_subplot_mV'], expect.model_fields_set)}",
         tuple(further),
     )
 

@@ -113,7 +113,7 @@ def test_more_replications_of_a_general_run_approach_the_limit(tmp_path):
     [
         (
             "sigma = { cell = 2e-5 }\n",
-            "repeatability only: [expect] has not both, output and sigma, of a sensor (cell: no output): with",
+            "no total uncertainty is predicted: [expect] has not both, output and sigma, of a sensor (cell: no output): with",
         ),
         ("sigma = { cell = 1 }\noutput = { cell = '1 + force' }\n", "output.cell: force is not a factor (force_kN)"),
         ("sigma = { cell = 1 }\noutput = { cell = '1/(force_kN - 5)' }\n", "it has no value at a setting of the plan"),
@@ -187,13 +187,13 @@ def test_a_certificate_that_does_not_cover_the_plan_is_refused_before_the_night(
         promised(replace(plan, documents={**plan.documents, DOCUMENT: narrow}), TODAY)
 
 
-def test_without_a_register_a_plan_says_repeatability_only(tmp_path):
+def test_without_a_register_a_plan_says_that_no_total_uncertainty_is_predicted(tmp_path):
     plan = attitude(tmp_path)
     documents = {name: text for name, text in plan.documents.items() if name != DOCUMENT}
     assert (
         promised(replace(plan, documents=documents), TODAY)
         .notes[0]
-        .startswith("repeatability only: the bench has no register")
+        .startswith("no total uncertainty is predicted: the bench has no register")
     )
 
 

@@ -665,6 +665,19 @@ place = "lab"
     assert "Predicted precision" not in shown.stdout
 
 
+def test_a_plan_of_unknown_scatter_has_no_predicted_precision_and_no_number_that_looks_like_one(tmp_path):
+    """It had a table of standard deviations "of any sensor", for a scatter of 1 that nobody stated."""
+    files = written(tmp_path, PROCEDURE)
+    shown = rig("plan", files[0], "--bench", files[1])
+    told = " ".join(shown.stdout.split())
+    assert "Predicted precision" not in shown.stdout
+    assert "any sensor: no precision is predicted: its scatter is not known. [expect] states it" in told
+    assert "no total uncertainty is predicted: the bench has no register" in told
+    rows = json.loads(rig("plan", files[0], "--bench", files[1], "--json").stdout)["precision"]
+    assert {row["sd"] for row in rows} == {None}
+    assert all(row["sd_over_scatter"] > 0.0 for row in rows)
+
+
 def test_a_plan_says_hours_precision_and_what_is_confounded(tmp_path):
     expect = "[expect]\nsigma = { cell = 0.002 }\n"
     files = written(tmp_path, PROCEDURE + expect)

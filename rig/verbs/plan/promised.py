@@ -26,6 +26,7 @@ NORMAL = float(special.ndtri(0.975))
 """Coverage factor with infinite degrees of freedom, which more points approach."""
 _MOST = 20_000
 """Points up to which a planned run is evaluated."""
+NO_TOTAL = "no total uncertainty is predicted"
 NO_METER = "errors of the outputs' meter are not in it: they need the sensors' sensitivity, [expect] in the procedure"
 
 
@@ -78,9 +79,9 @@ def promised(plan: Plan, on: date) -> Promised:
         ConfigurationError: a certificate does not cover the settings of the plan, or does not hold at them.
     """
     if DOCUMENT not in plan.documents:
-        return Promised((), ("repeatability only: the bench has no register of equipment (docs/how_to/register.md)",))
+        return Promised((), (f"{NO_TOTAL}: the bench has no register of equipment (docs/how_to/register.md)",))
     if len(plan.run_list) > _MOST:
-        return Promised((), (f"repeatability only: no total uncertainty is forecast of more than {_MOST} points",))
+        return Promised((), (f"{NO_TOTAL} of more than {_MOST} points",))
     register = parse_register(plan.documents[DOCUMENT], DOCUMENT)
     stated, kind = stated_of(register, plan.bench, on), kind_of(plan.procedure)
     sensors = {f"{name}_{sensor.unit}": sensor.axis or "" for name, sensor in plan.bench.sensors.items()}
@@ -94,7 +95,7 @@ def promised(plan: Plan, on: date) -> Promised:
         evaluation = kind.evaluation(expected.table, kind.budget_options(), (), stated.constants)
         found = _of(evaluation, stated)
     except (DataError, FitError) as error:
-        return Promised((), (f"repeatability only: {error}",))
+        return Promised((), (f"{NO_TOTAL}: {error}",))
     unstated = [one for one in stated.unstated(evaluation.columns) if expected.meter or one not in sensors]
     notes = [f"total uncertainties by the register {register.name!r}, for {expected.assuming}"]
     notes += [] if expected.meter else [NO_METER]

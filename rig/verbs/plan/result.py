@@ -177,13 +177,13 @@ class Plan(Result):
     def _precise(self) -> Iterator[Block]:
         precise = self.precision
         if precise.cells:
-            grid = Grid(precise.columns, title="Predicted precision")
+            grid = Grid(precise.columns, title="Predicted precision, by the scatter of readings alone")
             for row in precise.cells:
                 grid.add_row(*row)
             yield grid
-        yield from (Line(f"  {line}") for line in precise.further)
+        yield from (Line(f"  {escape(line)}") for line in precise.further)
         if precise.assuming:
-            yield Line(f"  ({precise.assuming})")
+            yield Line(f"  ({escape(precise.assuming)})")
 
     def _promised(self) -> Iterator[Block]:
         yield from (Line(f"  [bold]not in the totals:[/] {escape(one)}") for one in self.promised.lacking)
