@@ -165,8 +165,8 @@ def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
             further.append(f"{who}: the fitted value has an sd of {mean:.3g} on average, and of {worst:.3g} at {where}")
     further += [f"{', '.join(sensors)}: no precision is predicted: {why}" for why, sensors in unknown.items()]
     told = ", ".join(f"{name} {value:g}" for name, value in expect.sigma.items())
-    assumed = f"for a standard deviation of one observation of {told}: expect.sigma" if told else ""
-    if 0 < run_list.whole_plots < len(run_list):
+    assumed = f"for a standard deviation of one observation of {told}: expect.sigma" if cells else ""
+    if rows and 0 < run_list.whole_plots < len(run_list):
         ratio = f"that between whole plots is {expect.whole_plot_ratio:g} times as large: expect.whole_plot_ratio"
         assumed = f"{assumed}; {ratio}" if assumed else ratio
     return Precision(("sensor", "term", "sd", "df"), rows, cells, assumed, tuple(further))

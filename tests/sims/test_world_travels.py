@@ -9,6 +9,7 @@ import socket
 import socketserver
 import threading
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -193,6 +194,40 @@ def test_lines_over_tcp_are_sent_at_once():
             assert line._port._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
         finally:
             wires.close()
+
+
+FLOW = Path(__file__).parents[2] / "examples" / "flow-lab"
+POINT_S = 45.0
+"""Dwell and readings of a point of the flow example, as `rig plan` says."""
+
+
+def test_a_point_of_45_s_takes_about_that_long_at_400_times_the_speed(tmp_path):
+    """It took 577 s: each exchange over TCP waited for 40 ms of real time, which are 16 s of the bench's."""
+    procedure = tmp_path / "procedure.toml"
+    procedure.write_text(
+        'kind = "general"\nname = "45 s"\nseed = 3\nreplications = 1\n'
+        '[factors.valve_V]\nlevels = [1, 4, 7, 10]\norder = "up-down"\n[settle]\ndwell_s = 35\n'
+        '[measure]\nreadings = 5\n[model]\nformula = "1 + flow_kg_per_min"\nabscissa = "flow_kg_per_min"\n'
+    )
+    live = tmp_path / "LIVE.toml"
+    world = ("--world", FLOW / "world.toml", "--speed", 400, "--live", live, "--for", 60)
+    server = process("sim", FLOW / "bench.toml", *world)
+    try:
+        wait_for(live.exists, server)
+        run = process("run", procedure, "--bench", live, "--out", tmp_path)
+        path = run.stdout.readline().strip()
+        run.communicate(timeout=60)
+    finally:
+        server.send_signal(signal.SIGTERM)
+        server.communicate(timeout=10)
+    out = tmp_path / "out.csv"
+    assert rig("export", path, "--out", out).returncode == 0
+    with out.open() as file:
+        began = [float(row["elapsed_s"]) for row in csv.DictReader(file)]
+    points = sorted(later - earlier for earlier, later in pairwise(began))
+    print("seconds a point:", points)
+    # of one point on a loaded machine all are late, and none is early
+    assert POINT_S - 1.0 < points[0] < 1.6 * POINT_S
 
 
 @pytest.mark.parametrize(("more", "reads"), [({}, 1970.0), ({"overload": 1500.0}, OVERLOAD)])
