@@ -132,9 +132,8 @@ class Bench:
                 )
             if channel not in instrument.channels():
                 known = ", ".join(instrument.channels())
-                raise ConfigurationError(
-                    f"bench {self.config.name}: {name}: {reader} has no channel {channel} ({known})"
-                )
+                has = f"({known})" if known else "or any other: what a person types, `reads` names, with its unit"
+                raise ConfigurationError(f"bench {self.config.name}: {name}: {reader} has no channel {channel} {has}")
 
     @property
     def head(self) -> Head:

@@ -318,7 +318,7 @@ def test_nobody_reads_in_time_and_the_run_parks(tmp_path):
         (f"{DIAL}twice = 2\n", "twice"),
         (DIAL.replace("0.02", "0"), "greater than 0"),
         (DIAL.replace("bar", "Pa"), "channel dial of operator reads Pa, not bar"),
-        ("", "operator has no channel dial"),
+        ("", "operator has no channel dial or any other: what a person types, `reads` names"),
     ],
 )
 def test_a_person_who_cannot_read_that_is_refused(tmp_path, options, says):
