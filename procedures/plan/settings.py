@@ -149,6 +149,11 @@ class WarningSettings(Strict):
     """Early warnings about the sensors during a run. They never stop it by themselves."""
 
     enabled: bool = Field(True, description="watch for rising noise, drift, and sensors that died")
+    look: bool = Field(
+        True,
+        description="trace the run so far after every replication, in the background, and warn of effects that the "
+        "declared model lacks; not in a dry run",
+    )
     hold: bool = Field(False, description="hold the run at each new warning, until `rig release`")
     against: str | None = Field(
         None,

@@ -163,6 +163,7 @@ class _Told:
 
     def run_begins(self, path: Path) -> None:
         """A run begins, or goes on."""
+        self._listeners.look.begins(path)
         err.print(f"run: {escape(str(path))}", soft_wrap=True)
 
     def says(self, record: Record) -> None:

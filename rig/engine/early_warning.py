@@ -206,7 +206,7 @@ def in_unit(unit: str, value: float) -> str:
 
 def warnings_of(run: RunReader) -> Iterator[tuple[Record, Warned]]:
     """The warnings of a run file, in order."""
-    for _, record, _, _ in run.chained("kind = 'event' AND status = 'warning'"):
+    for _, record, _, _ in run.chained("kind = 'event' AND status IN ('warning', 'emerging')"):
         if isinstance(record.event, Warned):
             yield record, record.event
 

@@ -20,6 +20,7 @@ from rig.procedures.present.durations import duration
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import NotNotified
+from rig.unattended.early_look import EarlyLook
 from rig.unattended.happenings import Happening, Kind, RunFacts, from_record, one_line
 from rig.unattended.logs import Log
 from rig.unattended.manager import ServiceManager
@@ -49,6 +50,7 @@ class Listeners:
         facts: facts about the run.
         logs: logs that receive lines.
         notifier: sends messages to people, None if nobody is notified.
+        look: traces the run so far in the background.
 
     """
 
@@ -56,6 +58,9 @@ class Listeners:
         self.facts = facts
         self.logs: list[Log] = []
         self.notifier: Notifier | None = None
+        self.look = EarlyLook()
+        if facts.path is not None:
+            self.look.begins(facts.path)
         self._manager = manager or ServiceManager(environment={})
         self._clock = RealClock()
         self._utc_minus_elapsed: float | None = None
@@ -70,6 +75,7 @@ class Listeners:
     def opened(self, path: Path, run_id: str) -> None:
         """Note that the run file exists."""
         self.facts = replace(self.facts, path=path, run_id=run_id)
+        self.look.begins(path)
 
     def lasts(self) -> None:
         """Note that this process goes on after a run has parked: the service manager is not told that it stops."""
@@ -81,6 +87,7 @@ class Listeners:
         """A record was appended."""
         try:
             self._utc_minus_elapsed = record.utc_s - record.elapsed_s
+            self.look.recorded(record)
             happening = from_record(record, after_crash=self.facts.after_crash)
             if happening is not None:
                 self._spread(happening)
@@ -88,8 +95,10 @@ class Listeners:
             self._in_trouble(error)
 
     def to_note(self) -> Sequence[Event]:
-        """Events that the observer wants in the run file; each is returned once: messages that could not be sent."""
-        noted = []
+        """Events that the observer wants in the run file; each is returned once: what early looks found, and messages
+        that could not be sent.
+        """
+        noted: list[Event] = [*self.look.to_note()]
         while self._failures:
             failure = self._failures.popleft()
             noted.append(NotNotified(channel=failure.channel, about=str(failure.about), why=one_line(failure.why)))
@@ -157,6 +166,7 @@ class Listeners:
             sentences not yet shown on a terminal: messages that reached nobody, lines missing in the log.
 
         """
+        self.look.close()
         if self.notifier is not None:
             self.notifier.close()
         if self._trouble:

@@ -223,6 +223,18 @@ class Warned(
     doubted: Count | None = None
 
 
+@dataclass(frozen=True)
+class Emerging(
+    Warned, status="emerging", matters=Importance("warning", "warning", "warning"), says="early look: {message}"
+):
+    """A warning by an early look, a trace of the run so far; it is recorded at any moment.
+
+    Attributes:
+        cause: "look".
+        output: of the sensor that has it most; "" if the look itself went wrong.
+    """
+
+
 @dataclass(frozen=True, kw_only=True)
 class Learned(Event, status="learned", matters=DETAIL, says="how {instrument} prints its readings was learned"):
     """Knowledge of a reader of its instrument."""

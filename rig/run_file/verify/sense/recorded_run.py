@@ -18,13 +18,14 @@ from rig.procedures.kind import Procedure
 from rig.procedures.plan.conduct import Conduct, EnvironmentSettings, SoakSettings
 from rig.procedures.plan.run_list import Factor, RunList
 from rig.run_file.chain import Record
+from rig.run_file.events.bench import Emerging
 from rig.run_file.events.event import Event
 from rig.run_file.events.sessions import ClockSet, NotNotified, RunCreated
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.state import RunState
 from rig.units.of_instruments import TEMPERATURE_UNIT
 
-NOTED = (NotNotified, ClockSet)
+NOTED = (NotNotified, ClockSet, Emerging)
 """Events that may be written between two records that otherwise are consecutive."""
 
 
