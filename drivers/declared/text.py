@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.forms import TEXTS, Form
-from rig.contracts.declared.instrument import Instrument
+from rig.contracts.declared.instrument import Instrument, Wire
 from rig.contracts.declared.sums import checksum
 from rig.drivers.clock import Clock
 from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
@@ -116,11 +116,7 @@ class TextTalk(Talk):
                 self._begun = True
 
     def _framed(self, line: str) -> str:
-        if self._plain:
-            return line
-        text = self._request.write({"line": line, "checksum": "\0"})
-        before, mark, after = text.partition("\0")
-        return before + checksum(self.table.wire.checksum, before) + after if mark else text
+        return line if self._plain else _framed(self.table.wire, self._request, line)
 
     def _unframed(self, question: str, line: str) -> str:
         if self._plain:
@@ -314,6 +310,19 @@ class TextTalk(Talk):
     def close(self) -> None:
         """Release the wire; idempotent."""
         self.line.close()
+
+
+def _framed(wire: Wire, request: Form, line: str) -> str:
+    text = request.write({"line": line, "checksum": "\0"})
+    before, mark, after = text.partition("\0")
+    return before + checksum(wire.checksum, before) + after if mark else text
+
+
+def question_of(table: Instrument) -> str:
+    """The question for its identity as it is sent, in its frame and with its end, by the parameters of its file."""
+    assert table.identity is not None
+    line, request = (Form(text or "").filled(table.parameters) for text in (table.identity.ask, table.wire.request))
+    return _framed(table.wire, request, line.write({})) + table.wire.send_end
 
 
 def _sync(table: Instrument) -> tuple[str, str] | None:

@@ -114,21 +114,25 @@ def _new(path: Path) -> int:
 
 def _scan(addresses: list[str], *, as_json: bool) -> int:
     from rig.drivers.clock import RealClock  # noqa: PLC0415
-    from rig.drivers.errors import DriverError  # noqa: PLC0415
+    from rig.drivers.errors import DriverError, NoReply  # noqa: PLC0415
     from rig.verbs.instrument.scan import scan  # noqa: PLC0415
 
     found: list[dict[str, str]] = []
+    heard = False
     for address in addresses:
         try:
             for driver, who in scan(address, RealClock()):
                 found.append({"address": address, "driver": driver, "is": who})
                 if not as_json:
                     out.print(escape(f"{address}: {driver}: {who}"))
+            heard = True
+        except NoReply as silent:
+            err.print(escape(str(silent)), soft_wrap=True)
         except DriverError as error:
             raise UsageError(str(error)) from error
     if as_json:
         print_json(found)
-    elif not found:
+    elif heard and not found:
         err.print("nobody answers who is known; `rig instrument new FILE` describes another instrument")
     return ExitCode.DONE if found else ExitCode.FAULT
 

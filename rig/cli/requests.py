@@ -78,7 +78,7 @@ def _ended(run_file: Path, verb: str) -> int:
         err.print(f"{verb}: the run is {how}")
         return ExitCode.DONE
     raise RigError(
-        f"the controller ended before it acted on {verb}: the run is {how}; `rig status {shell_word(run_file)}` says more"
+        f"the controller ended before {verb}: the run is {how}; `rig status {shell_word(run_file)}` says more"
     )
 
 

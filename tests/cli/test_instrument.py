@@ -163,6 +163,26 @@ def test_a_scan_asks_who_is_there_and_nothing_else(stranger, monkeypatch):
     assert not [line for line in heard if line.startswith("out")]
 
 
+def test_a_silent_address_is_said_after_each_question_was_sent_once(monkeypatch):
+    """Each of a dozen questions was waited for twice, which took half a minute, and nothing said that all was silent."""
+    heard = bytearray()
+
+    class Silent(socketserver.BaseRequestHandler):
+        def handle(self):
+            while data := self.request.recv(999):
+                heard.extend(data)
+
+    monkeypatch.setattr("rig.verbs.instrument.scan.LISTENS_S", 0.05)
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Silent) as server:
+        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+        done = rig("instrument", "scan", f"socket://127.0.0.1:{server.server_address[1]}")
+        server.shutdown()
+    assert done.returncode == 1
+    assert "is silent: nothing came back to" in done.stderr
+    assert "nobody answers who is known" not in done.stderr
+    assert [heard.count(one) for one in (b"*IDN?\n", b"*IDN?\r\n", b"version\r", b"I4\r\n")] == [1, 1, 1, 1]
+
+
 def test_all_are_listed_and_one_is_shown(file):
     listed = rig("instrument", "list", "--json")
     assert {
