@@ -164,7 +164,7 @@ def test_a_scan_asks_who_is_there_and_nothing_else(stranger, monkeypatch):
 
 
 def test_a_silent_address_is_said_after_each_question_was_sent_once(monkeypatch):
-    """Each of a dozen questions was waited for twice, which took half a minute, and nothing said that all was silent."""
+    """Each of a dozen questions was waited for twice, which took half a minute, and nothing said why."""
     heard = bytearray()
 
     class Silent(socketserver.BaseRequestHandler):

@@ -113,7 +113,7 @@ def test_more_replications_of_a_general_run_approach_the_limit(tmp_path):
     [
         (
             "sigma = { cell = 2e-5 }\n",
-            "no total uncertainty is predicted: [expect] has not both, output and sigma, of a sensor (cell: no output): with",
+            "no total uncertainty is predicted: [expect] has not both, output and sigma, of a sensor (cell: no output)",
         ),
         ("sigma = { cell = 1 }\noutput = { cell = '1 + force' }\n", "output.cell: force is not a factor (force_kN)"),
         ("sigma = { cell = 1 }\noutput = { cell = '1/(force_kN - 5)' }\n", "it has no value at a setting of the plan"),
