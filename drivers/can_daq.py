@@ -37,12 +37,15 @@ _COMMANDED = {
 }
 """Messages and signals of a unit that measures on command."""
 
+_SPELLED = {"°C": "degC", "C": "degC", "DegC": "degC", "deg C": "degC"}
+"""Units of DBC files, as at the end of column names."""
+
 _SESSIONS, _MOST_SWEEPS = 15, 65_535
 """Numbers that fit into the four and sixteen bits of their signals; see `contracts/can_daq.dbc`."""
 
 
 class CanDaq:
-    """The unit; satisfies `rig.drivers.roles.Reader`.
+    """The unit; satisfies `rig.drivers.roles.Reader` and `WithUnits`.
 
     Args:
         name: the bench's name for it.
@@ -171,6 +174,13 @@ class CanDaq:
     def channels(self) -> Sequence[str]:
         """Channel labels in scan order; a single-input meter has one channel, "input"."""
         return tuple(self._channels)
+
+    def units(self) -> Mapping[str, str]:
+        """Unit of each channel's readings by the DBC, as at the end of column names; V where it has none."""
+        said = {
+            label: _SPELLED.get(signal.unit or "", signal.unit or "") for label, (_, signal) in self._channels.items()
+        }
+        return {label: unit if unit.isalnum() and unit.isascii() else "V" for label, unit in said.items()}
 
     def start(self, count: int) -> float:
         """Trigger `count` sweeps over all channels; returns the seconds they are expected to take. Earlier frames are

@@ -51,6 +51,9 @@ resolution = 0.02
 replications = 1
 """
 
+DAQ = ONE.replace("keysight-34401a", "can-daq").replace("/dev/rig/dvm", "can:socketcan/can0")
+"""Its first channel reads degC; that in volts is its last."""
+
 
 def made(tmp_path, answers: str):
     (tmp_path / "given.toml").write_text(answers)
@@ -59,7 +62,9 @@ def made(tmp_path, answers: str):
     return done, tmp_path / "lab"
 
 
-@pytest.mark.parametrize(("answers", "points"), [(ONE, 10), (CHAMBER, 6), (DIAL, 5)], ids=["serial", "chamber", "dial"])
+@pytest.mark.parametrize(
+    ("answers", "points"), [(ONE, 10), (CHAMBER, 6), (DIAL, 5), (DAQ, 10)], ids=["serial", "chamber", "dial", "can"]
+)
 def test_files_pass_a_plan_and_a_dry_run_at_once(tmp_path, answers, points):
     done, lab = made(tmp_path, answers)
     assert f"{points} points" in done.stdout
