@@ -10,6 +10,7 @@ from math import inf
 from proving.night.play import Played
 from rig.procedures.plan.run_list import Point, RunList
 from rig.run_file.chain import Record
+from rig.run_file.events.bench import Warned
 from rig.run_file.events.points import WholePlotLost
 from rig.run_file.events.sessions import SessionBegan
 from rig.sims.tape import Reading, Tape
@@ -58,7 +59,9 @@ class Night:
             for r in self.records
             if isinstance(r.event, WholePlotLost) and r.event.doubted_s is not None
         }
-        return (r for r in self.records if r.accepted and r.elapsed_s < since.get(r.whole_plot, inf))
+        told = {r.event.doubted: r.elapsed_s for r in self.records if isinstance(r.event, Warned)}
+        read = (r for r in self.records if r.accepted and r.elapsed_s < since.get(r.whole_plot, inf))
+        return (r for r in read if r.elapsed_s > told.get(r.run_index, -inf))
 
     def point(self, record: Record) -> Point:
         """Where an observation was to be made."""

@@ -265,6 +265,7 @@ class AtPoint:
         point = self._at.point
         hanging = self._liveness.hanging(point, observation, self._do.take_in_passing())
         if hanging:
+            self._well.doubt_repeated(hanging, observation.every_reading)
             words = f"{', '.join(hanging)} at point {point.index} hangs: the same reading to the last digit"
             self._flag("frozen", "frozen", FrozenReading(f"{words}, again and again"))
 

@@ -8,12 +8,14 @@ stopped.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
+
 from rig.engine.actions import BenchActions
 from rig.engine.fault_classes import TOLD_LATER, NotAsDeclared
 from rig.engine.journal import Journal, PointInHand
 from rig.engine.measuring import Observation
 from rig.run_file.events.bench import Learned, Warned
-from rig.run_file.events.points import DOUBTED
+from rig.run_file.events.points import DOUBTED, Observed
 
 
 class Wellness:
@@ -60,6 +62,20 @@ class Wellness:
             return
         words = f"point {last} is doubted: after its readings an instrument told of a defect that may be older: {error}"
         self._journal.write(Warned(DOUBTED, "", words, last))
+
+    def doubt_repeated(self, hanging: Collection[str], read: Mapping[str, Sequence[float]]) -> None:
+        """Flag the last accepted observation if all its readings of a column are those at which the column now hangs.
+
+        From the first reading on, nothing tells a meter that hangs from one that is coarse, until it is set elsewhere.
+        """
+        fold, (last, *_) = self._journal.fold, (*self._journal.recent(1), None)
+        if last is None or last.run_index in fold.doubted or not isinstance(last.event, Observed):
+            return
+        then = last.event.every_reading
+        same = [n for n in hanging if n in then and {*then[n]} == {*read[n]}]
+        if same:
+            words = f"point {last.run_index} is doubted: {', '.join(same)} hung there already, at {read[same[0]][0]:g}"
+            self._journal.write(Warned(DOUBTED, "", words, last.run_index))
 
     def learned(self) -> list[Learned]:
         """Knowledge of readers that is new since the last point."""

@@ -170,6 +170,20 @@ def test_a_first_digit_that_is_lost_is_refused_and_asked_again(run, resumed):
     assert defects(path) == []
 
 
+def test_a_first_point_whose_readings_are_all_what_the_meter_hangs_at_is_doubted(run):
+    """A meter that hung at a spike from its first reading on was believed there, and found out at the next point."""
+    it = Foreign()
+    it.printed = lambda text: "+3.00010000E+01" if it.taken <= 6 else text
+    path, result = run(it, [50, 100], readings=2)
+    assert result.outcome is Outcome.COMPLETE
+    assert means(path) == [30.0, 100.0, 50.0, 100.0]
+    assert "probe_degC at point 1 hangs" in faults(path)[0]["message"]
+    (warned,) = [r.data for r in records(path, "event", "warning")]
+    assert warned["message"] == "point 0 is doubted: probe_degC hung there already, at 30.001"
+    assert list(run_table(path, evidence=True).columns["flag_doubted"]) == [1.0, 0.0, 0.0, 0.0]
+    assert defects(path) == []
+
+
 def test_a_point_before_an_alarm_that_is_told_later_is_doubted(run):
     def probe(n, it):
         if n == 2:
