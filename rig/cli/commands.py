@@ -84,6 +84,12 @@ COMMANDS = {
         "rig.cli.watch",
         "Serve a live page of a run: state, remaining time, readings, residuals, warnings.",
     ),
+    "serve": Entry(
+        _PEOPLE,
+        "rig.cli.serve",
+        "Serve a laboratory: benches, queue, runs, proposals, results, and acts of people who are logged in.",
+    ),
+    "act": Entry(_PEOPLE, "rig.cli.serve", "Do in a laboratory what its pages do, as a person with a password."),
     "person": Entry(
         _PEOPLE,
         "rig.cli.people",

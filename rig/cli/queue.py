@@ -18,6 +18,7 @@ from rig.drivers.clock import RealClock
 from rig.errors import ExitCode, UsageError
 from rig.procedures.present.blocks import Grid
 from rig.procedures.present.terminal import show
+from rig.who import operator
 
 if TYPE_CHECKING:
     from rig.queue import Item, Queue
@@ -83,6 +84,7 @@ def queue(
     from rig.queue import QueueFile, open_queue, work  # noqa: PLC0415
     from rig.run_file.events.queues import Queued, QueueMoved, QueuePaused, QueueRemoved  # noqa: PLC0415
 
+    by = operator()
     at, now = open_queue(file)
     if action is Action.ADD:
         procedure = _checked(what, bench, dry=dry, world=world)
@@ -97,14 +99,16 @@ def queue(
             needs=needs or [],
             priority=priority,
             then=then.value,
+            who=by.name,
+            who_by=by.by,
         )
         now = at.append(asked)
     elif action in (Action.MOVE, Action.REMOVE):
         item = _item(now, what)
-        event = QueueMoved(item=item.number, priority=priority) if action is Action.MOVE else None
-        now = at.append(event or QueueRemoved(item=item.number))
+        event = QueueMoved(item=item.number, priority=priority, who=by.name) if action is Action.MOVE else None
+        now = at.append(event or QueueRemoved(item=item.number, who=by.name))
     elif action is Action.PAUSE:
-        now = at.append(QueuePaused(on=not off, why="by a person"))
+        now = at.append(QueuePaused(on=not off, who=by.name))
     elif action is Action.RUN:
         asked_to_end = signals()
         now = work(

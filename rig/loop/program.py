@@ -222,6 +222,17 @@ def open_program(path: Path) -> Program:
         return read_program(reader)
 
 
+def run_at_work(path: Path) -> Path:
+    """A run file itself; of a program file, the run at which its loop is. Raises `UsageError` between two runs."""
+    if not path.name.endswith(SUFFIX):
+        return path
+    program = open_program(path)
+    run = program.open_run
+    if run is None or not program.file_of(run).exists():
+        raise UsageError(f"no run of {path} is at work; `rig status {shell_word(path)}` shows its state")
+    return program.file_of(run)
+
+
 def file_of(path: Path) -> dict[str, Any]:
     """A file's entry in `Bounds.files`. Raises `UsageError` if it cannot be read."""
     try:

@@ -92,6 +92,8 @@ class Queue:
             self.held[item.bench] = item.number
         elif item.state in ("fault", "outside") and item.asked.then == "stop":
             self.paused = True
+        elif item.asked.command == "resume":
+            self.held.pop(item.bench, None)
 
     @property
     def waiting(self) -> list[Item]:
@@ -113,9 +115,15 @@ class Queue:
         """
         if self.paused:
             return
-        busy = {item.bench for item in self.at_work} | self.held.keys()
+        busy = {item.bench for item in self.at_work}
         for item in self.waiting:
-            if item.bench in busy or (item.asked.not_before_s or 0.0) > utc_s or not set(item.asked.needs) <= has:
+            held = item.bench in self.held and item.asked.command != "resume"  # a person wants just that run
+            if (
+                item.bench in busy
+                or held
+                or (item.asked.not_before_s or 0.0) > utc_s
+                or not set(item.asked.needs) <= has
+            ):
                 continue
             busy.add(item.bench)
             yield item
@@ -126,6 +134,10 @@ class QueueFile:
     """The file, by its path."""
 
     path: Path
+
+    def folder_of(self, item: int) -> Path:
+        """Folder of an item's files."""
+        return self.path.with_name(f"{self.path.stem}-{item}")
 
     @property
     def _ledger(self) -> Ledger:

@@ -6,6 +6,7 @@ import hmac
 import ipaddress
 import platform
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from urllib.parse import parse_qs, quote, urlencode
 
@@ -16,9 +17,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 COOKIE = "rig_watch"
 
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
+    "connect-src 'self'; base-uri 'none'; form-action {}; frame-ancestors 'none'"
+)
 _HEADERS = {
-    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
-    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "content-security-policy": _POLICY.format("'none'"),
     "x-content-type-options": "nosniff",
     "referrer-policy": "no-referrer",
     "cross-origin-resource-policy": "same-origin",
@@ -34,10 +38,23 @@ class Access:
     Attributes:
         token: given once as `?token=`, then kept in a cookie; "" if none is required.
         names: host names of the page, besides IP addresses and localhost.
+        methods: what may be asked.
+        headers: further headers of every answer that does not have them.
     """
 
     token: str = ""
     names: frozenset[str] = field(default_factory=lambda: frozenset({platform.node().lower()}))
+    methods: tuple[str, ...] = ("GET", "HEAD")
+    headers: Mapping[str, str] = field(default_factory=lambda: _HEADERS)
+
+    @classmethod
+    def for_acts(cls, names: frozenset[str], *, encrypted: bool) -> Access:
+        """Access to a server that also takes forms of its own pages; sessions are its own affair."""
+        # browsers send the origin of a form only where they may send a referrer
+        headers = {**_HEADERS, "content-security-policy": _POLICY.format("'self'"), "referrer-policy": "same-origin"}
+        if encrypted:
+            headers["strict-transport-security"] = "max-age=31536000"
+        return cls("", cls().names | names, ("GET", "HEAD", "POST"), headers)
 
     def host_known(self, host: str) -> bool:
         """Whether a Host header names this server.
@@ -75,8 +92,8 @@ class Guarded:
         async def answer(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                for name, value in _HEADERS.items():
-                    headers[name] = value
+                for name, value in self._access.headers.items():
+                    headers.setdefault(name, value)
             await send(message)
 
         refusal = self._refusal(scope)
@@ -85,8 +102,8 @@ class Guarded:
     def _refusal(self, scope: Scope) -> Response | None:
         """The answer instead of the page; None to continue."""
         headers = Headers(scope=scope)
-        if scope["method"] not in ("GET", "HEAD"):
-            return PlainTextResponse("This page is read-only.\n", 405, {"allow": "GET, HEAD"})
+        if scope["method"] not in self._access.methods:
+            return PlainTextResponse("This page is read-only.\n", 405, {"allow": ", ".join(self._access.methods)})
         if not self._access.host_known(headers.get("host", "")):
             return PlainTextResponse("This host name does not belong to this page's server; use its IP address.\n", 421)
         if not self._access.token:

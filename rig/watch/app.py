@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -21,15 +21,15 @@ from rig.watch.feed import RunFeed, encoded
 from rig.watch.shelf import Shelf
 
 Pause = Callable[[float], Awaitable[None]]
+Acts = Callable[[str, Mapping[str, Any]], list[tuple[str, str]]]
 
 _EVERY_S = 1.0
 _BEAT_S = 3.0
 _MOST_STREAMS = 60
-_STATIC = {
-    "watch.css": "text/css; charset=utf-8",
-    "watch.js": "text/javascript; charset=utf-8",
-    "chart.js": "text/javascript; charset=utf-8",
-    "icon.svg": "image/svg+xml",
+_TYPES = {
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
 }
 
 
@@ -42,78 +42,119 @@ def make_app(shelf: Shelf, access: Access, pause: Pause, *, streams: int = _MOST
         pause: waits this many seconds without blocking other requests.
         streams: maximum number of pages open at once.
     """
-    pages = _Pages(shelf, pause, streams)
-    routes = [
-        Route("/", pages.start),
-        Route("/run/{name}", pages.run),
-        Route("/run/{name}/state.json", pages.state),
-        Route("/run/{name}/events", pages.events),
-        Route("/static/{name}", _static),
-        Route("/favicon.ico", lambda _: RedirectResponse("/static/icon.svg", 307)),
-    ]
-    return Guarded(Starlette(routes=routes, exception_handlers={404: _not_found}), access)
+    pages = Pages(shelf, pause, streams)
+    routes = [Route("/", pages.start), *pages.of_runs(), *static(Path(__file__).parent / "static")]
+    return Guarded(Starlette(routes=routes, exception_handlers={404: not_found}), access)
 
 
-class _Page(HTMLResponse):
+def static(*folders: Path) -> list[Route]:
+    """Routes of the files that pages need, from these folders."""
+    files = {path.name: path for folder in folders for path in folder.iterdir() if path.suffix in _TYPES}
+
+    async def file(request: Request) -> Response:
+        path = files.get(request.path_params["name"])
+        if path is None:
+            return await not_found(request, None)
+        return Response(path.read_bytes(), media_type=_TYPES[path.suffix])
+
+    return [Route("/static/{name}", file), Route("/favicon.ico", lambda _: RedirectResponse("/static/icon.svg", 307))]
+
+
+class Page(HTMLResponse):
+    """A page."""
+
     def render(self, content: Any) -> bytes:
         """As in Starlette; lone surrogates, which texts of run files may contain, are escaped."""
         return str(content).encode("utf-8", "backslashreplace")
 
 
-class _Pages:
-    def __init__(self, shelf: Shelf, pause: Pause, streams: int) -> None:
-        self._shelf, self._pause, self._most = shelf, pause, streams
+class Pages:
+    """The pages of runs.
+
+    Args:
+        shelf: the runs.
+        pause: waits this many seconds without blocking other requests.
+        streams: maximum number of pages open at once.
+        acts: what a visitor may do with a run, for its page: (address, words), by name of the run and its view.
+        lasting: whether the visitor of a request may still look, asked while its stream is open.
+        above: address of the list of runs, if people may act here; "" for pages that only look.
+    """
+
+    def __init__(
+        self,
+        shelf: Shelf,
+        pause: Pause,
+        streams: int,
+        acts: Acts = lambda _name, _view: [],
+        lasting: Callable[[Request], bool] = lambda _: True,
+        above: str = "",
+    ) -> None:
+        self._shelf, self._pause, self._most, self._acts, self._lasting = shelf, pause, streams, acts, lasting
+        self._above = above
         self._open = 0
         self._templates = jinja2.Environment(
             loader=jinja2.PackageLoader("rig.watch"), autoescape=True, undefined=jinja2.StrictUndefined
         )
         self._templates.filters["utc"] = _utc
 
+    def of_runs(self) -> list[Route]:
+        """Routes of the page of a run, of its contents, and of its stream."""
+        return [
+            Route("/run/{name}", self.run),
+            Route("/run/{name}/state.json", self.state),
+            Route("/run/{name}/events", self.events),
+        ]
+
     async def start(self, _request: Request) -> Response:
         """The one run, or the list of runs."""
         if self._shelf.only is not None:
             return RedirectResponse(f"/run/{quote(self._shelf.only, safe='')}", 307)
         entries = await to_thread.run_sync(self._shelf.entries)
-        return _Page(self._templates.get_template("runs.html.j2").render(entries=entries))
+        return Page(self._templates.get_template("runs.html.j2").render(entries=entries))
 
     async def run(self, request: Request) -> Response:
         """The page of one run; its contents come with the stream."""
         name = request.path_params["name"]
         if self._shelf.feed(name) is None:
-            return await _not_found(request, None)
+            return await not_found(request, None)
         alone = self._shelf.only is not None
-        return _Page(self._templates.get_template("run.html.j2").render(name=name, alone=alone))
+        return Page(self._templates.get_template("run.html.j2").render(name=name, alone=alone, above=self._above))
 
     async def state(self, request: Request) -> Response:
         """All contents of the page, once, as JSON."""
         feed = self._shelf.feed(request.path_params["name"])
         if feed is None:
-            return await _not_found(request, None)
+            return await not_found(request, None)
         await to_thread.run_sync(feed.refresh)
-        content = {**feed.view(), "story": feed.lines(0)}
+        content = {**self._view(feed, request.path_params["name"]), "story": feed.lines(0)}
         return Response(encoded(content), media_type="application/json")
 
     async def events(self, request: Request) -> Response:
         """The state of the run as server-sent events; `Last-Event-ID` names the last record that the page has."""
         feed = self._shelf.feed(request.path_params["name"])
         if feed is None:
-            return await _not_found(request, None)
+            return await not_found(request, None)
         if self._open >= self._most:
             return PlainTextResponse("Too many pages are open.\n", 503, {"retry-after": "10"})
         given = request.headers.get("last-event-id", "")
         after = int(given) if given.isascii() and given.isdigit() and len(given) < 16 else 0
         headers = {"x-accel-buffering": "no"}
-        return StreamingResponse(self._stream(feed, after), media_type="text/event-stream", headers=headers)
+        stream = self._stream(feed, after, request)
+        return StreamingResponse(stream, media_type="text/event-stream", headers=headers)
 
-    async def _stream(self, feed: RunFeed, after: int) -> AsyncIterator[str]:
+    def _view(self, feed: RunFeed, name: str) -> dict[str, Any]:
+        view = feed.view()
+        return {**view, "acts": self._acts(name, view)}
+
+    async def _stream(self, feed: RunFeed, after: int, request: Request) -> AsyncIterator[str]:
         sent: dict[str, Any] = {}
         quiet_s = _BEAT_S
         self._open += 1
         try:
             yield "retry: 2000\n\n"
-            while True:
+            while self._lasting(request):
                 await to_thread.run_sync(feed.refresh)
-                view = feed.view()
+                view = self._view(feed, request.path_params["name"])
                 news = {name: content for name, content in view.items() if name not in sent or sent[name] != content}
                 story = feed.lines(after)
                 after = max(after, story["seq"])
@@ -132,14 +173,8 @@ class _Pages:
             self._open -= 1
 
 
-async def _static(request: Request) -> Response:
-    name = request.path_params["name"]
-    if name not in _STATIC:
-        return await _not_found(request, None)
-    return Response((Path(__file__).parent / "static" / name).read_bytes(), media_type=_STATIC[name])
-
-
-async def _not_found(_request: Request, _error: Exception | None) -> Response:
+async def not_found(_request: Request, _error: Exception | None) -> Response:
+    """The answer to an unknown address."""
     return PlainTextResponse("There is no such page here; see / for the existing ones.\n", 404)
 
 

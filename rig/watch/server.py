@@ -125,7 +125,7 @@ def serve(
     if token is None and not only_this_machine(host):
         token = secrets.token_urlsafe(18)
     access = Access(token or "", Access().names | {host.lower()})
-    listening = _listen(host, port)
+    listening = listen(host, port)
     with contextlib.closing(listening):
         anywhere = host in ("0.0.0.0", "::")
         shown = platform.node() if anywhere else f"[{host}]" if ":" in host else host
@@ -162,7 +162,8 @@ def only_this_machine(host: str) -> bool:
         return False
 
 
-def _listen(host: str, port: int) -> socket.socket:
+def listen(host: str, port: int) -> socket.socket:
+    """A listening socket. Raises `UsageError` if there cannot be one."""
     try:
         return socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except (OSError, OverflowError) as error:

@@ -53,14 +53,18 @@ class Shelf:
     """Run files by name.
 
     Args:
-        where: a run file, or a folder of them.
+        where: a run file, or a folder of them; or a function that returns run files by name, the newest first.
         reference: a previous calibration to compare observations with.
         stopwatch: real seconds.
         utc: real seconds since 1970-01-01.
     """
 
     def __init__(
-        self, where: Path, reference: Previous | None, stopwatch: Callable[[], float], utc: Callable[[], float]
+        self,
+        where: Path | Callable[[], dict[str, Path]],
+        reference: Previous | None,
+        stopwatch: Callable[[], float],
+        utc: Callable[[], float],
     ) -> None:
         self._where, self._reference = where, reference
         self._stopwatch, self._utc = stopwatch, utc
@@ -71,7 +75,7 @@ class Shelf:
     @property
     def only(self) -> str | None:
         """The run's name if there is only one."""
-        return None if self._where.is_dir() else _name_of(self._where)
+        return None if callable(self._where) or self._where.is_dir() else _name_of(self._where)
 
     def feed(self, name: str) -> RunFeed | None:
         """The run of that name; None if there is none. Names are looked up and never used as paths."""
@@ -96,6 +100,8 @@ class Shelf:
         return [entry for _, entry in sorted(found, key=lambda one: (one[0], one[1].name), reverse=True)]
 
     def _paths(self) -> dict[str, Path]:
+        if callable(self._where):
+            return self._where()
         if not self._where.is_dir():
             return {_name_of(self._where): self._where}
         paths = sorted(self._where.glob("*.sqlite"), key=_changed, reverse=True)[:_LISTED]

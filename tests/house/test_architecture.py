@@ -23,7 +23,7 @@ def test_rooms_are_drawn_and_none_imports_one_that_imports_it():
     known = PLAN["rooms"]()
     found = PLAN["arrows"](known)
     drawn = "\n".join(PLAN["picture"](found, known))  # an error for a circle
-    assert "rig_cli --> rig_watch" in drawn
+    assert "rig_serve --> rig_watch" in drawn
     assert PLAN["table"](found, known).count("\n") == len(known) + 2
 
 

@@ -44,6 +44,8 @@ def ask(
     method: str = "GET",
     host: str = "127.0.0.1:8321",
     headers: dict[str, str] | None = None,
+    body: bytes = b"",
+    client: str = "127.0.0.1",
     until: Callable[[Answer], bool] = lambda _: False,
 ) -> Answer:
     """Ask once; a stream that does not end is left as soon as `until` is true of what has come."""
@@ -60,7 +62,7 @@ def ask(
         "query_string": parts.query.encode(),
         "root_path": "",
         "headers": [(k.encode(), v.encode("latin-1")) for k, v in given.items()],
-        "client": ("127.0.0.1", 1),
+        "client": (client, 1),
         "server": ("127.0.0.1", 8321),
     }
     answer = Answer()
@@ -73,7 +75,7 @@ def ask(
             nonlocal sent
             if not sent:
                 sent = True
-                return {"type": "http.request", "body": b"", "more_body": False}
+                return {"type": "http.request", "body": body, "more_body": False}
             await gone.wait()
             return {"type": "http.disconnect"}
 

@@ -89,7 +89,7 @@ class Proposed(Event, kind="laboratory", status="proposed", matters=DECISION):
     who_by: Text
 
     def sentence(self, record: Columns) -> str:
-        """What is proposed, by whom."""
+        """The files, and who proposed them."""
         why = f": {self.why}" if self.why else ""
         return f"proposal {self.number} by {self.who}: {self.procedure} on {self.bench}{why}"
 

@@ -18,14 +18,16 @@ class Queued(Event, kind="queue", status="added", matters=STEP):
 
     Attributes:
         item: its number, from 1.
-        command: "run" or "loop".
-        procedure: path of its procedure file.
+        command: "run", "loop" or "resume".
+        procedure: path of its procedure file; of the run file to resume.
         bench: path of its bench file.
         options: further arguments of the command.
         not_before_s: UTC before which it does not begin.
         needs: what has to be there for it, in words.
         priority: a larger one comes first.
         then: what the next items of its bench do after a fault, or outside acceptance: "go on", "hold", "stop".
+        who: operator of its runs, None for the one who carries out the queue.
+        who_by: source of that name.
     """
 
     item: Count
@@ -37,25 +39,31 @@ class Queued(Event, kind="queue", status="added", matters=STEP):
     needs: Words = EMPTY
     priority: Whole = 0
     then: Text = "hold"
+    who: Text | None = None
+    who_by: Text | None = None
 
     def sentence(self, record: Columns) -> str:
         """The item and its command."""
-        return f"item {self.item} added: rig {self.command} {self.procedure} --bench {self.bench}"
+        bench = f" --bench {self.bench}" if self.command != "resume" else ""
+        by = f" by {self.who}" if self.who else ""
+        return f"item {self.item} added{by}: rig {self.command} {self.procedure}{bench}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class QueueMoved(Event, kind="queue", status="moved", matters=STEP, says="item {item} has priority {priority}"):
-    """An item was given another priority."""
+    """An item was given another priority, by `who` if that is known."""
 
     item: Count
     priority: Whole
+    who: Text | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class QueueRemoved(Event, kind="queue", status="removed", matters=STEP, says="item {item} removed"):
-    """An item that had not begun was removed."""
+    """An item that had not begun was removed, by `who` if that is known."""
 
     item: Count
+    who: Text | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,11 +99,14 @@ class QueuePaused(Event, kind="queue", status="paused", matters=DECISION):
     Attributes:
         on: whether it is paused from now on.
         why: reason.
+        who: name of the person, None if unknown.
     """
 
     on: Truth
     why: Text = ""
+    who: Text | None = None
 
     def sentence(self, record: Columns) -> str:
-        """Whether it is paused, and why."""
-        return f"{'paused' if self.on else 'goes on'}{f': {self.why}' if self.why else ''}"
+        """Whether it is paused, by whom, and why."""
+        by = f" by {self.who}" if self.who else ""
+        return f"{'paused' if self.on else 'goes on'}{by}{f': {self.why}' if self.why else ''}"

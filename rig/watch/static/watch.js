@@ -112,7 +112,7 @@ function showState(state) {
   write("doing", state.doing === state.word ? "" : state.doing);
   const todo = at("notrunning");
   const wanted = `${state.running ? "" : state.said} ${state.todo}`;
-  todo.hidden = !state.todo;
+  todo.hidden = !state.todo || (state.running && seen.view.acts?.length > 0); // buttons say it then
   if (todo.dataset.said !== wanted) {
     todo.dataset.said = wanted;
     todo.replaceChildren(node("span", state.running ? "To let it go on: " : `${state.said} Carry on with: `), node("code", state.todo));
@@ -127,6 +127,20 @@ function showState(state) {
   write("share", `${state.done} of ${state.points} points (${Math.floor(share * 100)} %)`);
   showFacts();
   document.title = `${state.points ? `${Math.floor(share * 100)} % ` : ""}${state.word}: ${seen.view.about?.procedure ?? name}`;
+}
+
+// What a visitor who is logged in may do; a page that only looks has none.
+function showActs(acts) {
+  const box = at("acts");
+  const wanted = JSON.stringify(acts);
+  if (box.dataset.acts === wanted) return;
+  box.dataset.acts = wanted;
+  box.hidden = acts.length === 0;
+  box.replaceChildren(...acts.map(([address, words]) => {
+    const link = node("a", words, "act");
+    link.href = address;
+    return link;
+  }));
 }
 
 function showFacts() {
@@ -312,6 +326,7 @@ function take(news) {
     seen.stateAt = Date.now();
     showState(news.state);
   }
+  if (news.acts) showActs(news.acts);
   if (news.settling) showSettling(news.settling);
   if (news.readings) showReadings(news.readings);
   if (news.charts) showCharts(news.charts);

@@ -1,0 +1,132 @@
+"""Files of a laboratory by name: names are looked up here, and never used as paths."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from rig.bench.config import parse_toml, read_text
+from rig.errors import ConfigurationError, UsageError
+from rig.lab import Laboratory
+from rig.queue import Queue, QueueFile, open_queue
+from rig.run_file.verify.verification import LOOP_SUFFIX
+
+_MOST = 2000
+"""Files of a sort that are looked at, the newest first."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """The files of a laboratory."""
+
+    laboratory: Laboratory
+
+    @property
+    def folder(self) -> Path:
+        """Its folder."""
+        return self.laboratory.folder
+
+    @property
+    def runs_folder(self) -> Path:
+        """The folder of new runs."""
+        return self.folder / "runs"
+
+    @property
+    def queue_file(self) -> Path:
+        """The file of its queue."""
+        return self.runs_folder / "queue.sqlite"
+
+    def queue(self) -> tuple[QueueFile, Queue]:
+        """Its queue, and the state of it."""
+        return open_queue(self.queue_file)
+
+    def runs(self) -> dict[str, Path]:
+        """Run files and program files, the newest first, by name without the ending."""
+        patterns = ("runs/*.sqlite", "runs/*/*.sqlite", "proposals/*.sqlite")
+        found = [one for one in self._newest(*patterns) if one != self.queue_file]
+        return {_text(path.name.removesuffix(".sqlite")): path for path in reversed(found)}
+
+    def run(self, name: str) -> Path:
+        """A run file by its name. Raises `UsageError`."""
+        path = self.runs().get(name)
+        if path is None:
+            raise UsageError(f"there is no run {name!r:.100} in {self.folder}")
+        return path
+
+    def benches(self) -> dict[str, Path]:
+        """Bench files by their path in the folder."""
+        return {name: path for name, path in self._toml().items() if "instruments" in _values(path)}
+
+    def procedures(self, bench: Path | None = None) -> dict[str, Path]:
+        """Procedure files by their path in the folder; with a bench, those in its folder."""
+        every = {name: path for name, path in self._toml().items() if "kind" in _values(path)}
+        return {name: path for name, path in every.items() if bench is None or path.parent == bench.parent}
+
+    def bench(self, name: str) -> Path:
+        """A bench file by its name. Raises `UsageError`."""
+        return _one(self.benches(), name, "bench file")
+
+    def procedure(self, name: str) -> Path:
+        """A procedure file by its name. Raises `UsageError`."""
+        return _one(self.procedures(), name, "procedure file")
+
+    def registers(self) -> dict[str, Path]:
+        """Registers of equipment by their path in the folder."""
+        return {name: path for name, path in self._toml().items() if isinstance(_values(path).get("equipment"), dict)}
+
+    def documents(self) -> dict[str, Path]:
+        """Reports, certificates and calibrations, the newest first, by their path in the folder; no links."""
+        patterns = [
+            f"{folder}*.{form}"
+            for folder in ("reports/", "certificates/", "runs/", "runs/*/")
+            for form in ("html", "pdf", "xml", "json")
+        ]
+        found = self._newest(*patterns)
+        return {_text(str(path.relative_to(self.folder))): path for path in found if not path.is_symlink()}
+
+    def _toml(self) -> dict[str, Path]:
+        found = sorted([*self.folder.glob("*.toml"), *self.folder.glob("*/*.toml")])[:_MOST]
+        return {_text(str(path.relative_to(self.folder))): path for path in found if path.is_file()}
+
+    def _newest(self, *patterns: str) -> list[Path]:
+        found = {path: _changed(path) for pattern in patterns for path in self.folder.glob(pattern) if path.is_file()}
+        return sorted(found, key=lambda path: found[path], reverse=True)[:_MOST]
+
+
+def is_loop(path: Path) -> bool:
+    """Whether it is the program file of a loop."""
+    return path.name.endswith(LOOP_SUFFIX)
+
+
+def _one(known: dict[str, Path], name: str, what: str) -> Path:
+    if name not in known:
+        raise UsageError(f"there is no {what} {name!r:.100} here (known: {', '.join(sorted(known)) or 'none'})")
+    return known[name]
+
+
+def _text(name: str) -> str:
+    """A name as text; bytes that are none are escaped."""
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
+
+
+def _changed(path: Path) -> float:
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
+
+
+_READ: dict[Path, tuple[int, int, dict[str, object]]] = {}
+
+
+def _values(path: Path) -> dict[str, object]:
+    """Values of a TOML file, {} if it is none; read again only after a change."""
+    try:
+        stat = path.stat()
+        known = _READ.get(path)
+        if known is None or known[:2] != (stat.st_mtime_ns, stat.st_size):
+            known = _READ[path] = (stat.st_mtime_ns, stat.st_size, parse_toml(read_text(path, "settings"), str(path)))
+    except (OSError, ConfigurationError):
+        return {}
+    return known[2]

@@ -1,0 +1,295 @@
+"""The pages of a laboratory, for people who are logged in."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Awaitable, Callable
+from typing import Any
+from urllib.parse import quote
+
+import jinja2
+from anyio import to_thread
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, RedirectResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from rig.acts import Act, act_of, acts
+from rig.errors import RigError, UsageError
+from rig.lab import WrongPassword, differences, proven
+from rig.run_file.events.sessions import RunCreated
+from rig.serve.acting import Acting, NotConfirmed
+from rig.serve.asked import address_of, form_of, own_page
+from rig.serve.fields import Input, inputs_of
+from rig.serve.sessions import Session, Sessions
+from rig.serve.site import Site, moment
+from rig.watch.app import Page, Pages, Pause
+from rig.watch.feed import encoded
+
+Handler = Callable[[Request, Session], Awaitable[Response]]
+_MOST_STREAMS = 60
+_EVERY_S, _BEAT_S = 1.0, 5.0
+_REPORT = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; sandbox"
+_TYPES = {
+    "html": "text/html; charset=utf-8",
+    "pdf": "application/pdf",
+    "xml": "application/xml",
+    "json": "application/json",
+}
+NAVIGATION = (
+    ("/", "Benches"),
+    ("/queue", "Queue"),
+    ("/runs", "Runs"),
+    ("/proposals", "Proposals"),
+    ("/results", "Results"),
+    ("/equipment", "Equipment"),
+    ("/log", "Log"),
+)
+
+
+class LaboratoryPages:
+    """Routes of the pages.
+
+    Args:
+        site: what they show.
+        acting: carries out acts.
+        sessions: who is logged in.
+        pause: waits without blocking other requests.
+        encrypted: whether the connection is.
+    """
+
+    def __init__(self, site: Site, acting: Acting, sessions: Sessions, pause: Pause, *, encrypted: bool) -> None:
+        self._site, self._acting, self._sessions, self._pause = site, acting, sessions, pause
+        self._cookie, self._encrypted = ("__Host-rig" if encrypted else "rig_serve"), encrypted
+        self._open = 0
+        loader = jinja2.ChoiceLoader([jinja2.PackageLoader("rig.serve"), jinja2.PackageLoader("rig.watch")])
+        self._templates = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
+        self._templates.filters["part"] = lambda text: quote(str(text), safe="")
+        self._templates.filters["path"] = lambda text: quote(str(text), safe="/")
+        self._runs = Pages(site.shelf, pause, _MOST_STREAMS, site.acts_of_run, self._lasting, above="/runs")
+
+    def routes(self) -> list[Route]:
+        """All of them."""
+        pages: dict[str, Handler] = {
+            "/": self._benches,
+            "/events": self._events,
+            "/queue": self._queue,
+            "/runs": self._list,
+            "/proposals": self._proposals,
+            "/proposal/{number:int}": self._proposal,
+            "/results": self._results,
+            "/certificates": self._results,
+            "/equipment": self._equipment,
+            "/log": self._changes,
+            "/file/{name:path}": self._file,
+            "/run/{name}": lambda request, _: self._runs.run(request),
+            "/run/{name}/state.json": lambda request, _: self._runs.state(request),
+            "/run/{name}/events": lambda request, _: self._runs.events(request),
+        }
+        found = [Route(path, self._for_people(handler), methods=["GET"]) for path, handler in pages.items()]
+        found.append(Route("/act/{act}", self._for_people(self._act), methods=["GET", "POST"]))
+        found.append(Route("/logout", self._for_people(self._logout), methods=["POST"]))
+        found.append(Route("/login", self._login, methods=["GET", "POST"]))
+        return found
+
+    # --- who asks ---------------------------------------------------------------------------------------------
+
+    def _session(self, request: Request, *, seen: bool = True) -> Session | None:
+        return self._sessions.of(request.cookies.get(self._cookie, ""), seen=seen)
+
+    def _lasting(self, request: Request) -> bool:
+        return self._session(request, seen=False) is not None
+
+    def _for_people(self, handler: Handler) -> Callable[[Request], Awaitable[Response]]:
+        """A handler that only people reach who are logged in; a form must be one of their own pages."""
+
+        async def answer(request: Request) -> Response:
+            session = self._session(request)
+            if session is None:
+                if request.method == "GET" and request.headers.get("accept", "").find("event-stream") < 0:
+                    return RedirectResponse(f"/login?next={quote(request.url.path)}", 303)
+                raise HTTPException(401, "You are not logged in, or your session has ended.")
+            if request.method == "POST":
+                request.state.form = form = await form_of(request)
+                if not own_page(request) or not session.wrote(form.pop("csrf", "")):
+                    raise HTTPException(403, "This form does not belong to a page of your session; go back and reload.")
+            return await handler(request, session)
+
+        return answer
+
+    async def _login(self, request: Request) -> Response:
+        """The form, and its answer. The same message for every wrong pair."""
+        following = request.query_params.get("next", "/")
+        if request.method == "GET":
+            return self._bare("login.html.j2", wrong="", login="", following=_own(following))
+        form = await form_of(request)
+        if not own_page(request):
+            raise HTTPException(403, "This form does not come from this server.")
+        login, following = form.get("login", ""), _own(form.get("next", "/"))
+        try:
+            person = await self._acting.password(login, form.get("password", ""), address_of(request))
+        except WrongPassword as error:
+            return self._bare("login.html.j2", 401, wrong=str(error), login=login, following=following)
+        except HTTPException as error:
+            page = self._bare("login.html.j2", error.status_code, wrong=error.detail, login=login, following=following)
+            page.headers.update(error.headers or {})
+            return page
+        self._sessions.end(request.cookies.get(self._cookie, ""))
+        answer = RedirectResponse(following, 303)
+        cookie = self._sessions.begin(login, person)
+        answer.set_cookie(self._cookie, cookie, httponly=True, samesite="strict", path="/", secure=self._encrypted)
+        return answer
+
+    async def _logout(self, request: Request, _session: Session) -> Response:
+        self._sessions.end(request.cookies.get(self._cookie, ""))
+        answer = RedirectResponse("/login", 303)
+        answer.delete_cookie(self._cookie, path="/", httponly=True, samesite="strict", secure=self._encrypted)
+        return answer
+
+    # --- what is shown ----------------------------------------------------------------------------------------
+
+    def _bare(self, template: str, status: int = 200, **values: Any) -> Response:
+        return Page(self._templates.get_template(template).render(**values), status)
+
+    def _shown(self, template: str, session: Session, here: str, status: int = 200, **values: Any) -> Response:
+        about = {"session": session, "here": here, "navigation": NAVIGATION, "lab": self._site.places.folder.name}
+        return self._bare(template, status, **about, **values)
+
+    def _live(self, session: Session) -> str:
+        """The part of the first page that changes."""
+        tasks = self._site.for_person(session.login, session.person.roles)
+        template = self._templates.get_template("live.html.j2")
+        return template.render(benches=self._site.benches(), tasks=tasks, session=session)
+
+    async def _benches(self, _request: Request, session: Session) -> Response:
+        live = await to_thread.run_sync(self._live, session)
+        return self._shown("benches.html.j2", session, "/", live=live)
+
+    async def _events(self, request: Request, session: Session) -> Response:
+        if self._open >= _MOST_STREAMS:
+            return PlainTextResponse("Too many pages are open.\n", 503, {"retry-after": "10"})
+        stream = self._stream(request, session)
+        return StreamingResponse(stream, media_type="text/event-stream", headers={"x-accel-buffering": "no"})
+
+    async def _stream(self, request: Request, session: Session) -> AsyncIterator[str]:
+        sent, quiet_s = "", _BEAT_S
+        self._open += 1
+        try:
+            yield "retry: 2000\n\n"
+            while self._lasting(request):
+                live = await to_thread.run_sync(self._live, session)
+                if live != sent:
+                    sent, quiet_s = live, 0.0
+                    yield f"event: live\ndata: {encoded({'html': live})}\n\n"
+                elif quiet_s >= _BEAT_S:
+                    quiet_s = 0.0
+                    yield "event: beat\ndata: {}\n\n"
+                await self._pause(_EVERY_S)
+                quiet_s += _EVERY_S
+            yield "event: over\ndata: {}\n\n"
+        finally:
+            self._open -= 1
+
+    async def _queue(self, _request: Request, session: Session) -> Response:
+        queue = await to_thread.run_sync(self._site.queue)
+        return self._shown("queue.html.j2", session, "/queue", queue=queue)
+
+    async def _list(self, _request: Request, session: Session) -> Response:
+        runs = await to_thread.run_sync(self._site.runs)
+        return self._shown("list.html.j2", session, "/runs", runs=runs)
+
+    async def _proposals(self, _request: Request, session: Session) -> Response:
+        proposals = await to_thread.run_sync(self._site.proposals)
+        return self._shown("proposals.html.j2", session, "/proposals", proposals=proposals)
+
+    async def _proposal(self, request: Request, session: Session) -> Response:
+        number = request.path_params["number"]
+        proposals = await to_thread.run_sync(self._site.proposals)
+        one = next((one for one in proposals if one["number"] == number), None)
+        if one is None:
+            raise HTTPException(404)
+        texts = self._site.log().proposals[number].asked.documents
+        return self._shown("proposal.html.j2", session, "/proposals", one=one, texts=texts)
+
+    async def _results(self, _request: Request, session: Session) -> Response:
+        folders = {
+            "Reports": [*self._site.documents("reports/", "html"), *self._site.documents("runs/", "html")],
+            "Certificates": self._site.documents("certificates/", "pdf", "html", "xml"),
+            "Calibrations": self._site.documents("runs/", "json"),
+        }
+        return self._shown("results.html.j2", session, "/results", folders=folders)
+
+    async def _equipment(self, _request: Request, session: Session) -> Response:
+        rows = await to_thread.run_sync(self._site.equipment)
+        return self._shown("equipment.html.j2", session, "/equipment", rows=rows)
+
+    async def _changes(self, _request: Request, session: Session) -> Response:
+        log = await to_thread.run_sync(self._site.log)
+        changes = [
+            {"when": moment(record.utc_s), "says": record.sentence(), "lines": lines[:200]}
+            for record, lines in differences(log)
+            if not isinstance(record.event, RunCreated)
+        ]
+        return self._shown("log.html.j2", session, "/log", changes=list(reversed(changes))[:200])
+
+    async def _file(self, request: Request, _session: Session) -> Response:
+        """A report or certificate by its name in the list: a name is looked up, and never used as a path."""
+        path = self._site.places.documents().get(request.path_params["name"])
+        if path is None:
+            raise HTTPException(404)
+        kind = _TYPES[path.suffix[1:]]
+        headers = {"content-security-policy": _REPORT, "content-disposition": "inline"}
+        return Response(await to_thread.run_sync(path.read_bytes), media_type=kind, headers=headers)
+
+    # --- acts -------------------------------------------------------------------------------------------------
+
+    async def _act(self, request: Request, session: Session) -> Response:
+        """An act: its form, what will move, and the act itself."""
+        name = request.path_params["act"]
+        known = next((one for one in acts() if one.name == name), None)
+        if known is None:
+            raise HTTPException(404)
+        form: dict[str, str] = request.state.form if request.method == "POST" else dict(request.query_params)
+        password = form.pop("password", "") if request.method == "POST" else ""
+        confirmed = form.pop("confirm", "") == "yes" and request.method == "POST"
+        told = await to_thread.run_sync(inputs_of, known, form, self._site.places)
+        posted = request.method == "POST"
+        try:
+            act = act_of(name, form)
+        except UsageError as error:
+            why = str(error) if posted else ""
+            return self._form(known, session, told, why, status=422 if posted else 200)
+        if not posted and any(one.needed and not one.value for one in told):
+            return self._form(known, session, told)
+        try:
+            await self._acting.checked(act, session.login, session.person, confirmed=confirmed)
+            if not posted:
+                return self._form(known, session, told)
+            person = session.person
+            if act.again:
+                person = await self._acting.password(session.login, password, address_of(request))
+            done = await self._acting.carry_out(act, proven(session.login, person))
+        except NotConfirmed as error:
+            return self._form(known, session, told, will=str(error))
+        except HTTPException as error:
+            return self._form(known, session, told, error.detail, status=error.status_code)
+        except RigError as error:
+            return self._form(known, session, told, str(error), status=409)
+        return self._shown("told.html.j2", session, "", told=done)
+
+    def _form(
+        self,
+        known: type[Act],
+        session: Session,
+        inputs: list[Input],
+        wrong: str = "",
+        will: str = "",
+        status: int = 200,
+    ) -> Response:
+        given = {"act": known, "inputs": inputs, "wrong": wrong, "will": will, "may": session.may(known.role)}
+        return self._shown("act.html.j2", session, "", status, **given)
+
+
+def _own(address: str) -> str:
+    """An address of this server; "/" for any other."""
+    plain = address.startswith("/") and not address.startswith(("//", "/\\")) and address.isprintable()
+    return address if plain and "\\" not in address else "/"

@@ -1,0 +1,318 @@
+"""Contents of the pages of a laboratory, from its files, as plain values."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, urlencode
+
+from rig.acts import Places, is_loop
+from rig.bench.config import InstrumentConfig, ReferenceConfig, parse_bench, parse_toml, read_text
+from rig.errors import RigError
+from rig.lab import Laboratory
+from rig.lab.laboratory import Log, Proposal
+from rig.loop import open_program
+from rig.procedures.present.durations import duration
+from rig.register import read_register
+from rig.run_file.approval import digests_of
+from rig.run_file.live import asked_by_hand, live_path, read_json
+from rig.watch import Shelf
+
+_FRESH_S = 0.9
+SOON_DAYS = 30
+Link = tuple[str, str]
+
+
+@dataclass
+class Site:
+    """The laboratory as pages show it. May be called from several threads.
+
+    Attributes:
+        places: its files.
+        stopwatch: real seconds.
+        utc: real seconds since 1970-01-01.
+        shelf: its runs.
+    """
+
+    places: Places
+    stopwatch: Callable[[], float]
+    utc: Callable[[], float]
+    shelf: Shelf = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.shelf = Shelf(self.places.runs, None, self.stopwatch, self.utc)
+        self._lock = threading.Lock()
+        self._made_s, self._benches = -1e9, list[dict[str, Any]]()
+        self._log: tuple[object, Log] = (None, Log())
+
+    @property
+    def laboratory(self) -> Laboratory:
+        """The laboratory."""
+        return self.places.laboratory
+
+    def log(self) -> Log:
+        """State of the log; read again after a change only."""
+        path = self.laboratory.log_file
+        now = tuple(_print(one) for one in (path, path.with_name(path.name + "-wal")))
+        with self._lock:
+            if self._log[0] != now:
+                self._log = (now, self.laboratory.log())
+            return self._log[1]
+
+    def benches(self) -> list[dict[str, Any]]:
+        """Benches: state, what runs, since when, until when; at most once a second, however many pages are open."""
+        with self._lock:
+            if self.stopwatch() - self._made_s >= _FRESH_S:
+                self._benches, self._made_s = self._read_benches(), self.stopwatch()
+            return self._benches
+
+    def _read_benches(self) -> list[dict[str, Any]]:
+        entries = self.shelf.entries()
+        _, queue = self.places.queue()
+        found = []
+        for name, path in self.places.benches().items():
+            try:
+                config = parse_bench(read_text(path, "bench"), name)
+                title, problem, approval = config.name, "", config.approval
+            except RigError as error:
+                title, problem, approval = name, str(error), False
+            own = [one for one in entries if one.bench == title]
+            work = [self._at_work(one.name) for one in own if one.running]
+            waiting = [one for one in queue.waiting if one.bench == str(path)]
+            last = next((one for one in own if not one.running), None)
+            found.append(
+                {
+                    "name": name,
+                    "title": title,
+                    "problem": problem,
+                    "approval": approval,
+                    "work": work,
+                    "held": queue.held.get(str(path)),
+                    "paused": queue.paused,
+                    "waiting": [Path(one.asked.procedure).name for one in waiting],
+                    "last": None if last is None else {"name": last.name, "what": last.procedure, "state": last.state},
+                }
+            )
+        return found
+
+    def _at_work(self, name: str) -> dict[str, Any]:
+        feed = self.shelf.feed(name)
+        assert feed is not None
+        feed.refresh()
+        view = feed.view()
+        state, about = view["state"], view["about"]
+        left_s, end_s = state["remaining_s"], state["end_utc_s"]
+        return {
+            "name": name,
+            "what": about.get("procedure", name),
+            "simulated": about.get("simulated", False),
+            "word": state["word"],
+            "doing": state["doing"],
+            "tone": state["tone"],
+            "done": state["done"],
+            "points": state["points"],
+            "since": moment(about.get("began_utc_s")),
+            "until": moment(end_s),
+            "left": "" if left_s is None else duration(left_s),
+            "faults": state["faults"],
+        }
+
+    def acts_of_run(self, name: str, view: Mapping[str, Any]) -> list[Link]:
+        """What may be done with a run: address and words. Whether somebody may do it is asked at the act."""
+        state = view["state"]
+        try:
+            path = self.places.run(name)
+        except RigError:
+            return []
+        links: list[Link] = []
+        if state["running"]:
+            asked = asked_by_hand(read_json(live_path(path)) or {})
+            if asked is not None:
+                links.append((act("done", run=name, step=asked.step), f"Done: {asked.say.rstrip('. ')}"))
+            elif state["word"] == "holding":
+                links.append((act("release", run=name), "Release"))
+            if state["word"] != "holding":
+                links.append((act("hold", run=name), "Hold"))
+            links.append((act("stop", run=name), "Stop"))
+        elif not state["ended"]:
+            links.append((act("resume", run=name), "Resume"))
+        if state["accepted"] and not is_loop(path) and not state["running"]:
+            links.append((act("report", run=name), "Report"))
+            if state["ended"]:
+                links.append((act("sign", run=name), "Certificate"))
+        return links
+
+    def runs(self) -> list[dict[str, Any]]:
+        """Runs and loops, the newest first."""
+        paths = self.places.runs()
+        found = []
+        for entry in self.shelf.entries():
+            row = dict(vars(entry), loop="", began=moment(entry.began_utc_s))
+            path = paths.get(entry.name)
+            if path is not None and is_loop(path) and not entry.problem:
+                try:
+                    program = open_program(path)
+                    row["loop"] = f"loop of {len(program.runs)} run{'s' if len(program.runs) != 1 else ''}"
+                    row["state"] = "closed" if program.closed is not None else "open"
+                except RigError as error:
+                    row["problem"] = str(error)
+            found.append(row)
+        return found
+
+    def queue(self) -> dict[str, Any]:
+        """The queue: its items, at work and waiting first."""
+        _, now = self.places.queue()
+        runs = {path.parent: name for name, path in reversed(self.places.runs().items())}
+        file, rows = self.places.queue()[0], []
+        ended = [one for one in reversed(now.items.values()) if one.ended is not None]
+        for one in [*now.at_work, *now.waiting, *ended[:50]]:
+            asked, links = one.asked, list[Link]()
+            if one.state == "waiting":
+                links = [
+                    (act("move", item=one.number, priority=one.priority + 1), "First"),
+                    (act("remove", item=one.number), "Remove"),
+                ]
+            waits = [*asked.needs, *([f"until {moment(asked.not_before_s)}"] if asked.not_before_s else [])]
+            rows.append(
+                {
+                    "number": one.number,
+                    "state": one.state,
+                    "what": Path(asked.procedure).name,
+                    "command": asked.command,
+                    "dry": "--dry" in asked.options,
+                    "bench": Path(asked.bench).name,
+                    "priority": one.priority,
+                    "who": asked.who or "",
+                    "waits": ", ".join(waits) if one.state == "waiting" else "",
+                    "held": one.state == "waiting" and one.bench in now.held,
+                    "run": runs.get(file.folder_of(one.number), ""),
+                    "acts": links,
+                }
+            )
+        return {"paused": now.paused, "held": sorted(Path(one).name for one in now.held), "items": rows}
+
+    def proposals(self) -> list[dict[str, Any]]:
+        """Proposals, the newest first."""
+        return [proposal_row(one) for one in reversed(self.log().proposals.values())]
+
+    def for_person(self, login: str, roles: tuple[str, ...]) -> list[Link]:
+        """What waits for a person: address and words."""
+        found: list[Link] = []
+        if "operator" in roles:
+            for bench in self.benches():
+                for work in bench["work"]:
+                    asked = asked_by_hand(read_json(live_path(self.places.run(work["name"]))) or {})
+                    if asked is not None:
+                        found.append((f"/run/{quote(work['name'], safe='')}", f"{bench['title']}: {asked.say}"))
+                    elif work["word"] == "holding":
+                        found.append(
+                            (f"/run/{quote(work['name'], safe='')}", f"{bench['title']} holds: {work['what']}")
+                        )
+                if bench["held"]:
+                    found.append(("/queue", f"{bench['title']}: item {bench['held']} of the queue holds it"))
+        for one in self.log().proposals.values():
+            if "approver" in roles and one.state == "waiting" and f"({login})" not in one.asked.who:
+                found.append((f"/proposal/{one.number}", f"Proposal {one.number} waits for an approver"))
+            if "operator" in roles and one.state == "approved":
+                found.append((f"/proposal/{one.number}", f"Proposal {one.number} is approved, and not started"))
+        found += [("/equipment", words) for words in self._overdue()]
+        return found
+
+    def _overdue(self) -> list[str]:
+        return [f"{row['what']} was due on {row['due']}" for row in self.equipment() if row["tone"] == "bad"]
+
+    def equipment(self) -> list[dict[str, Any]]:
+        """Equipment and items, with due dates; what is due first comes first."""
+        today = datetime.fromtimestamp(self.utc(), UTC).astimezone().date()
+        rows: dict[tuple[str, str], dict[str, Any]] = {}
+        entries: Mapping[str, InstrumentConfig | ReferenceConfig]
+        for file, path in self.places.registers().items():
+            try:
+                register = read_register(path)
+            except RigError as error:
+                rows[file, ""] = _row(file, "problem", str(error), None, today)
+                continue
+            for asset, one in register.equipment.items():
+                due = one.certificate.due if one.certificate is not None else None
+                rows[asset, "equipment"] = _row(asset, "equipment", words_of(one), due, today)
+            for name, item in register.sensors.items():
+                rows[name, "item"] = _row(name, "item", words_of(item), None, today)
+        for file, path in self.places.benches().items():
+            try:
+                config = parse_bench(read_text(path, "bench"), file)
+            except RigError:
+                continue
+            for kind, entries in (("instrument", config.instruments), ("reference", config.references)):
+                of_bench = f"{kind} of {config.name}"
+                for name, entry in entries.items():
+                    if entry.due is not None and (entry.asset, "equipment") not in rows:
+                        rows[name, of_bench] = _row(name, of_bench, "", entry.due, today)
+        return sorted(rows.values(), key=lambda row: (row["date"] is None, row["date"] or today, row["what"]))
+
+    def documents(self, folder: str, *forms: str) -> list[dict[str, str]]:
+        """Files of a folder with these endings, the newest first."""
+        found = []
+        for name, path in self.places.documents().items():
+            if name.startswith(folder) and path.suffix[1:] in forms:
+                try:
+                    changed = path.stat().st_mtime
+                except OSError:
+                    continue
+                found.append({"name": name, "title": path.name, "when": moment(changed)})
+        return found
+
+
+def proposal_row(one: Proposal) -> dict[str, Any]:
+    """A proposal for pages and API, without the texts of its files."""
+    asked, decided = one.asked, one.decided
+    return {
+        "number": one.number,
+        "state": one.state,
+        "procedure": asked.procedure,
+        "bench": asked.bench,
+        "why": asked.why,
+        "who": asked.who,
+        "when": moment(one.asked_utc_s),
+        "decided_by": decided.who if decided is not None else "",
+        "decided_why": decided.why if decided is not None else "",
+        "used_by": one.used,
+        "two_keys": parse_toml(asked.documents.get("bench.toml", ""), "bench.toml").get("approval") is True,
+        "dry": dict(asked.dry),
+        "sha256": {**digests_of(asked.documents), "run list": asked.run_list},
+    }
+
+
+def act(name: str, **values: object) -> str:
+    """Address of the page of an act, with some of its values."""
+    return f"/act/{name}?{urlencode(values)}"
+
+
+def moment(utc_s: object) -> str:
+    """A time on this machine's clock, for people; "" for none."""
+    if not isinstance(utc_s, int | float) or not utc_s:
+        return ""
+    return datetime.fromtimestamp(utc_s, UTC).astimezone().strftime("%a %d %b %Y, %H:%M")
+
+
+def words_of(one: Any) -> str:
+    """Maker, model and serial number of an entry of the register."""
+    return ", ".join(str(part) for name in ("maker", "model", "serial") if (part := getattr(one, name, "")))
+
+
+def _row(what: str, kind: str, about: str, due: date | None, today: date) -> dict[str, Any]:
+    days = None if due is None else (due - today).days
+    tone = "" if days is None else "bad" if days < 0 else "hold" if days <= SOON_DAYS else "good"
+    said = "" if days is None else f"{-days} days ago" if days < 0 else "today" if not days else f"in {days} days"
+    return {"what": what, "kind": kind, "about": about, "date": due, "due": str(due or ""), "days": said, "tone": tone}
+
+
+def _print(path: Path) -> tuple[int, int] | None:
+    try:
+        stat = path.stat()
+    except OSError:
+        return None
+    return stat.st_size, stat.st_mtime_ns
