@@ -18,9 +18,9 @@ import random
 import statistics
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ from rig.drivers.clock import RealClock
 from rig.engine.session import Signals
 from rig.examples import example
 from rig.files.toml_text import toml_text
+from rig.fitter.confirm.prediction import prediction_errors
 from rig.loop import start_loop
 from rig.verbs.confirm import judge, open_traced
 
@@ -44,12 +45,14 @@ class World:
     Attributes:
         bench: values of the bench file, with `procedure` and `truth`.
         true: names that are right, of each effect.
+        sizes: true coefficient of an effect by its name, in the unit of the trace, where it is a plain one.
     """
 
     bench: Values
     procedure: Values
     truth: Values
     true: tuple[frozenset[str], ...]
+    sizes: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def names(self) -> frozenset[str]:
@@ -59,7 +62,21 @@ class World:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Figures of one loop; None where no further run was made."""
+    """Figures of one loop; None where no further run was made.
+
+    Attributes:
+        found: whether the trace of the first run asks about a true effect.
+        verdict: "right", "part", "wrong", "open", or "no further run".
+        holds: the answers, in words.
+        before: error of the worst sensor on the further runs with the declared model, over the scatter.
+        after: the same with the effects of the loop.
+        traced: the same with the effects that the trace of the first run names.
+        by_trace: the same verdict by these names alone.
+        hours: bench hours of all runs, over those of the whole design twice.
+        held: by confirmed effect of known size, whether the 95 % intervals by the further runs alone, and by all
+            runs together, have it.
+        said: why the loop was closed.
+    """
 
     found: bool
     verdict: str
@@ -67,6 +84,10 @@ class Outcome:
     before: float | None
     after: float | None
     hours: float
+    traced: float | None = None
+    by_trace: str = ""
+    held: tuple[tuple[str, bool, bool], ...] = ()
+    said: str = ""
 
 
 def _lab(name: str, seed: int, procedure: str = "procedure.toml") -> tuple[Values, Values, Values, random.Random]:
@@ -81,7 +102,7 @@ def voltmeter(seed: int) -> World:
     bench, procedure, truth, rng = _lab("voltmeter-lab", seed)
     size = rng.uniform(3e-5, 1e-4)
     truth["sensors"]["meter"]["hidden"] = f"{size!r}*min(max(1e6*(abs(input_V) - 12), 0), 1)"
-    return World(bench, procedure, truth, (frozenset({"range-step:input_V"}),))
+    return World(bench, procedure, truth, (frozenset({"range-step:input_V"}),), {"range-step:input_V": size})
 
 
 def load_cell(seed: int) -> World:
@@ -98,13 +119,16 @@ def attitude(seed: int) -> World:
     bench["sensors"] = {"x": bench["sensors"]["x"]}
     procedure |= {"replications": 3, "design": {"type": "D", "pitch_deg": [20.0 * k - 180 for k in range(19)]}}
     procedure["design"]["roll_deg"] = [0.0]
+    sizes = {}
     if seed % 2:
-        effects: Values = {"isolation_pad": {"pitch_compliance_deg_per_g": rng.uniform(5e-4, 1.2e-3)}}
+        size = rng.uniform(5e-4, 1.2e-3)
+        effects: Values = {"isolation_pad": {"pitch_compliance_deg_per_g": size}}
         true = "isolation-pad-deflection"
+        sizes = {true: size}
     else:
         head = {"axis": "pitch", "amplitude_arcsec": rng.uniform(1.5, 4.0), "periods_per_turn": 1.0}
         effects, true = {"head_error": [head]}, "head-once-per-turn"
-    return World(bench, procedure, {"seed": 1000 + seed, "effects": effects}, (frozenset({true}),))
+    return World(bench, procedure, {"seed": 1000 + seed, "effects": effects}, (frozenset({true}),), sizes)
 
 
 def pressure(seed: int) -> World:
@@ -119,8 +143,10 @@ def voltmeter_two(seed: int) -> World:
     """The offset of two ranges, and a cubic error of 0.1 to 0.4 mV at full scale."""
     world = voltmeter(seed)
     meter = world.truth["sensors"]["meter"]
-    meter["hidden"] += f" + {random.Random(seed + 500).uniform(1e-4, 4e-4)!r}*(input_V/1000)^3"
-    return replace(world, true=(*world.true, frozenset({"third-order:input_V"})))
+    size = random.Random(seed + 500).uniform(1e-4, 4e-4)
+    meter["hidden"] += f" + {size!r}*(input_V/1000)^3"
+    sizes = {**world.sizes, "third-order:input_V": size * 1e-9}
+    return replace(world, true=(*world.true, frozenset({"third-order:input_V"})), sizes=sizes)
 
 
 def load_cell_two(seed: int) -> World:
@@ -128,7 +154,8 @@ def load_cell_two(seed: int) -> World:
     world = load_cell(seed)
     size = random.Random(seed + 500).uniform(5e-5, 2e-4)
     world.truth["sensors"]["cell"]["hidden"] += f" + {size!r}*force_side"
-    return replace(world, true=(*world.true, frozenset({"direction:sign(force_side)"})))
+    sizes = {"direction:sign(force_side)": size}
+    return replace(world, true=(*world.true, frozenset({"direction:sign(force_side)"})), sizes=sizes)
 
 
 def load_cell_three(seed: int) -> World:
@@ -136,7 +163,8 @@ def load_cell_three(seed: int) -> World:
     world = load_cell_two(seed)
     size = random.Random(seed + 900).uniform(5e-4, 2e-3)
     world.truth["sensors"]["cell"]["hidden"] += f" + {size!r}*(force_kN/10)^3"
-    return replace(world, true=(*world.true, frozenset({"third-order:force_kN"})))
+    sizes = {**world.sizes, "third-order:force_kN": size * 1e-3}
+    return replace(world, true=(*world.true, frozenset({"third-order:force_kN"})), sizes=sizes)
 
 
 def attitude_two(seed: int) -> World:
@@ -158,8 +186,10 @@ def attitude_warm(seed: int) -> World:
 def attitude_three(seed: int) -> World:
     """The same, and play of the gear behind the encoder."""
     world = attitude_warm(seed)
-    world.truth["effects"]["backlash"] = {"pitch_arcsec": random.Random(seed + 900).uniform(2.0, 5.0)}
-    return replace(world, true=(*world.true, frozenset({"backlash-pitch"})))
+    size = random.Random(seed + 900).uniform(2.0, 5.0)
+    world.truth["effects"]["backlash"] = {"pitch_arcsec": size}
+    sizes = {**world.sizes, "backlash-pitch": size / 3600.0}
+    return replace(world, true=(*world.true, frozenset({"backlash-pitch"})), sizes=sizes)
 
 
 def pressure_two(seed: int) -> World:
@@ -205,17 +235,44 @@ def one_loop(kind: str, seed: int) -> Outcome:
             return Outcome(found, "no further run", "", None, None, hours)
         told = judge(first, *program.further)
         settled = [one for one in told.answers if one.verdict in ("confirmed", "replaced")]
-        named = [set(one.holding[0].split(" with ")) for one in settled]
-        if not all(one <= world.names for one in named):
-            verdict = "wrong"
-        elif all(any(own & one for one in named) for own in world.true):
-            verdict = "right"
-        else:
-            verdict = "part" if named else "open"
+        verdict = verdict_of(world, [set(one.holding[0].split(" with ")) for one in settled])
         errors = told.judged.errors.values()
         worst = max(errors, key=lambda one: one.before / one.sigma)
         holds = "; ".join(f"{one.effect}: {one.verdict} {'/'.join(one.holding)}" for one in told.answers)
-        return Outcome(found, verdict, holds, worst.before / worst.sigma, worst.after / worst.sigma, hours)
+        *earlier, last = told.later
+        both = first.confirming.after(earlier).beside(last.data, last.after_s, last.done)
+        traced, _ = prediction_errors(both, {q.effect: q.terms for q in first.questions})
+        by_trace = [{found.effect} for one in first.traced.outcomes for found in one.named if found.kind == "effect"]
+        assert program.closed is not None
+        return Outcome(
+            found, verdict, holds, worst.before / worst.sigma, worst.after / worst.sigma, hours,
+            traced=max(one.after / one.sigma for one in traced.values()), by_trace=verdict_of(world, by_trace),
+            held=tuple(_held(world, settled)), said=program.closed.why,
+        )  # fmt: skip
+
+
+def verdict_of(world: World, named: Sequence[set[str]]) -> str:
+    """Verdict on sets of causes, one of each effect that is taken to be known."""
+    if not all(one <= world.names for one in named):
+        return "wrong"
+    if all(any(own & one for one in named) for own in world.true):
+        return "right"
+    return "part" if named else "open"
+
+
+def _held(world: World, settled: Sequence[Any]) -> Iterator[tuple[str, bool, bool]]:
+    """Whether both intervals of each confirmed plain effect have its true size, whatever its sign's convention."""
+    for answer in settled:
+        best = next(one for one in answer.members if one.effect == answer.holding[0])
+        true = world.sizes.get(best.effect)
+        if true is not None:
+            yield (
+                best.effect,
+                *(
+                    any(low <= sign * true <= high for sign in (1.0, -1.0))
+                    for low, high in (best.intervals[0], best.intervals_together[0])
+                ),
+            )
 
 
 LABS = ("voltmeter", "load-cell", "attitude", "pressure")
@@ -261,6 +318,14 @@ def main() -> int:
         after = [one.after for one in told if one.after is not None]
         words = ("right", "part", "wrong", "open", "no further run")
         counted = ", ".join(f"{word} {sum(one.verdict == word for one in told)}" for word in words)
+        traced = [one.traced for one in told if one.traced is not None]
+        by_trace = ", ".join(f"{word} {sum(one.by_trace == word for one in told)}" for word in words[:4])
+        held = [one for loop in told for one in loop.held]
+        print(
+            f"{kind}: by the trace of the first run alone {by_trace}, error {_median(traced):.2f}; intervals of confirmed "
+            f"sizes that hold, by further runs {sum(one[1] for one in held)}, by all runs {sum(one[2] for one in held)}, "
+            f"of {len(held)}; {sum('but the error' in one.said for one in told)} loops say that error is left"
+        )
         print(
             f"{kind}, seeds {seeds.start} to {seeds.stop - 1}: found {sum(one.found for one in told)}, {counted}; "
             f"error over scatter, median {_median(before):.2f} before, {_median(after):.2f} after; bench hours of the "

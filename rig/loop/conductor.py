@@ -24,6 +24,7 @@ from rig.loop.decide import Considers, Decision, Left, decide, for_person
 from rig.loop.ends import Ending, Told, each_h, ended, not_made
 from rig.loop.findings import found_by_first, found_by_later
 from rig.loop.goal import Look, looked, procedure_with
+from rig.loop.left_over import with_left_over
 from rig.loop.program import SUFFIX, LoopRun, Program
 from rig.loop.timeline import EVALUATION_S, Timeline
 from rig.procedures.errors import DataError
@@ -315,7 +316,7 @@ class Conductor:
             self.program.allow,
         )
         first = replace(self.first, begins_s=elapsed_s)
-        return decide(first, told, bounds, left, self.considered)
+        return with_left_over(decide(first, told, bounds, left, self.considered), first, told)
 
     def _evaluated(self) -> Confirmed | None:
         """The judgement so far; what it tells is recorded once."""

@@ -24,7 +24,7 @@ _SCATTER = ("sigma_E", "sigma_subplot")
 
 
 def _step_back(most_s: float) -> None:
-    """Leave processor and memory to others, and set the limit of processor time, seconds, after which the kernel ends this process."""
+    """Leave processor and memory to others; the kernel ends this process after so much processor time, seconds."""
     os.nice(19)
     with contextlib.suppress(OSError), open("/proc/self/oom_score_adj", "w", encoding="ascii") as file:
         file.write("1000")
