@@ -62,6 +62,9 @@ def certificate(
     confirmed_by: Annotated[
         list[Path] | None, _file("a later run that confirms the effects found; repeatable: all are judged together")
     ] = None,
+    added: Annotated[
+        list[Path] | None, _file("a replication that a loop added to the last run; repeatable, in their order")
+    ] = None,
     traced: Annotated[
         bool,
         typer.Option(
@@ -153,8 +156,9 @@ def certificate(
     later = tuple(confirmed_by or ())
     people = (calibrated_by, approved_by)
     asked = CertificateRequest(
-        tuple(runs), _date(issued), equipment, settings, later, *people, adjustment, _date(""), traced, _room(room)
-    )
+        tuple(runs), _date(issued), equipment, settings, later, *people, adjustment, _date(""), traced, _room(room),
+        tuple(added or ()),
+    )  # fmt: skip
     how = Issue(out_folder, number or "", amends or "", because, template, paper, key, key_certificate, schema)
     check_files([], list(all_files(asked, how)))
     check_extras(how)

@@ -361,7 +361,7 @@ class Conductor:
         if program.closed is not None:
             return
         if "calibration" not in program.wrote:
-            self.record(products.calibration(program, self._first_or_none(), self._confirmed_or_none()))
+            self.record(products.calibration(program))
         if self.certified and "certificate" not in program.wrote:
             self._certificate()
         decided = program.decided
@@ -384,11 +384,6 @@ class Conductor:
     def _confirmed_or_none(self) -> Confirmed | None:
         with contextlib.suppress(*FAULTS):
             return self.confirmed()
-        return None
-
-    def _first_or_none(self) -> First | None:
-        with contextlib.suppress(*FAULTS):
-            return self.first
         return None
 
     def _certificate(self) -> None:

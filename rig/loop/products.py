@@ -6,8 +6,8 @@ import hashlib
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
-from rig.by_kind import Fitted, fit_table, known
 from rig.errors import RigError
 from rig.fitter.errors import FitError
 from rig.lab import laboratory_of
@@ -22,44 +22,26 @@ from rig.tables import FileSource
 from rig.verbs.certificate.issue import Issue, check_extras, issue
 from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.result import make
-from rig.verbs.confirm import Confirmed, First, with_confirmed
-from rig.verbs.data.result import Calibration, fit_source
+from rig.verbs.confirm import Confirmed
+from rig.verbs.data.result import fit_source
 from rig.verbs.write_page import write_page
 
 _FOLDER = "certificates"
 REFUSALS = (RigError, DataError, FitError)
 
 
-def calibration(program: Program, first: First | None, confirmed: Confirmed | None) -> LoopWrote:
-    """Write `NAME.calibration.json`: the first run, with the causes that the further runs confirmed.
-
-    Args:
-        program: state of the loop.
-        first: the first run with its further replications, traced; None if that failed.
-        confirmed: the judgement by all further runs; None without one.
-
-    Raises:
-        UsageError: the disk refuses.
+def calibration(program: Program) -> LoopWrote:
+    """Write `NAME.calibration.json`: the first run with its further replications, with the causes that the further runs
+    confirmed. Raises `UsageError` if the disk refuses.
     """
+    first, *added = program.segments
     try:
-        if first is not None and len(program.segments) > 1:
-            fitted = _of_segments(first, confirmed)
-        else:
-            fitted = fit_source(FileSource(program.file_of(program.runs[0])), {}, (), program.further, keep=True)
+        fitted = fit_source(FileSource(first), {}, (), program.further, keep=True, added=added)
     except REFUSALS as error:
         return LoopWrote(what="calibration", why=str(error))
     path = program.path.with_name(f"{program.name}.calibration.json")
     fitted.save(path)
     return LoopWrote(what="calibration", files=_hashes([path]))
-
-
-def _of_segments(first: First, confirmed: Confirmed | None) -> Calibration:
-    """The calibration of several segments: repeatability alone, because a register is read for one run file."""
-    table, kind = first.traced.table, known(first.traced.table)
-    fitted: Fitted = fit_table(table)
-    if confirmed is not None:
-        fitted = with_confirmed(first, confirmed, kind.fit_options())
-    return Calibration(fitted, kind, table.source)
 
 
 def report(program: Program, confirmed: Confirmed | None) -> LoopWrote:
@@ -81,13 +63,11 @@ def certificate(program: Program, settings: Path, utc_s: float) -> LoopWrote:
     One that was issued before this session was cut is taken as it is; a loop that was continued amends its earlier one.
     A dry loop issues none, because the numbers are those of real certificates; it says whether one would be.
     """
-    if len(program.segments) > 1:
-        return LoopWrote(what="certificate", why="a certificate is of one run file, and replications were added")
     if laboratory_of(settings) is not None and not program.run.simulated:
         command = f"rig certificate {shell_word(program.file_of(program.runs[0]))} --out {_FOLDER} --login LOGIN"
         return LoopWrote(what="certificate", why=f"an approver signs it with a password: {command}")
     out = program.path.with_name(_FOLDER)
-    first = program.file_of(program.runs[0])
+    first, *added = program.segments
     head = program.runs[0].ended.head if program.runs[0].ended is not None else ""
     earlier = [path for path in sorted(out.glob("*.json")) if head and head in path.read_text(encoding="utf-8")]
     if earlier and not program.continued:
@@ -97,7 +77,8 @@ def certificate(program: Program, settings: Path, utc_s: float) -> LoopWrote:
         how = Issue(out, amends=earlier[-1].stem, because="the loop was continued with further runs")
     day = datetime.fromtimestamp(utc_s, UTC).date()
     try:
-        made = make(CertificateRequest((first,), day, settings=settings, confirmed_by=tuple(program.further)))
+        more: dict[str, Any] = {"confirmed_by": tuple(program.further), "added": tuple(added)}
+        made = make(CertificateRequest((first,), day, settings=settings, **more))
         if program.run.simulated:
             count = sum(len(one.results) for one in made.document.tables)
             return LoopWrote(what="certificate", why=f"not issued of a simulated loop; one would have {count} results")

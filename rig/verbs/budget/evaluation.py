@@ -153,19 +153,20 @@ class Checked:
     untold: tuple[str, ...] = ()
 
 
-def run_with_register(path: Path, equipment: Path | None = None) -> OfRun:
+def run_with_register(path: Path, equipment: Path | None = None, more: Sequence[Path] = ()) -> OfRun:
     """A run, corrected by the certificates of its equipment.
 
     Args:
         path: the run file.
         equipment: another register than the one kept with the run.
+        more: files of replications that were added to it.
 
     Raises:
         UsageError: it is no run file, or has no register.
         ConfigurationError: the register contradicts the bench, is not valid for the run, or does not cover it.
         DataError: its kind is not installed.
     """
-    checked = checked_run(path, equipment)
+    checked = checked_run(path, equipment, more)
     if not checked.reasons:
         return checked.of
     raise (ConfigurationError if checked.register else UsageError)("\n".join(checked.reasons))
@@ -187,7 +188,7 @@ def checked_run(path: Path, equipment: Path | None = None, more: Sequence[Path] 
     table = joined((path, *more))
     with RunReader.open(path) as reader:
         documents = reader.documents()
-    identities = [one for part in (path, *more) for one in _identities(part)]
+    identities = [one for part in (path, *more) for one in _identities_in(part)]
     reasons: list[str] = []
     register = None
     with _noted(reasons, UsageError):
@@ -199,10 +200,9 @@ def checked_run(path: Path, equipment: Path | None = None, more: Sequence[Path] 
     return checked_with(table, config, register, identities, where, reasons)
 
 
-def _identities(path: Path) -> list[Identified]:
+def _identities_in(path: Path) -> list[Identified]:
     with RunReader.open(path) as reader:
-        said = [record.event for record in reader.records(Identified.kind)]
-    return [one for one in said if isinstance(one, Identified)]
+        return [one.event for one in reader.records(Identified.kind) if isinstance(one.event, Identified)]
 
 
 def checked_with(

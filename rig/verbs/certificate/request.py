@@ -29,6 +29,7 @@ class CertificateRequest:
         traced: whether results are of the model with the effects that the trace finds, also where no further run
             confirmed them.
         today: the certificate of a real run is not dated after it; None if that is not asked.
+        added: files of replications that were added to the last run, in order.
     """
 
     runs: tuple[Path, ...]
@@ -42,6 +43,7 @@ class CertificateRequest:
     today: date | None = None
     traced: bool = False
     room: Mapping[str, Range] = field(default_factory=dict)
+    added: tuple[Path, ...] = ()
 
     @property
     def settings_file(self) -> Path:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 
 from rig.errors import UsageError
 from rig.fitter.errors import FitError
 from rig.register import DOCUMENT, absent, needed, unrecorded
+from rig.tables import run_table
 from rig.verbs.budget.evaluation import OfRun, RunBudget
 from rig.verbs.budget.found import Found
 from rig.verbs.certificate import conformity, of_others
 from rig.verbs.certificate import parts_in_numbers as numbers
 from rig.verbs.certificate import parts_in_words as words
-from rig.verbs.certificate.document import Dates, Document
+from rig.verbs.certificate.document import Dates, Document, Evidence
 from rig.verbs.certificate.measured import Stage
 from rig.verbs.certificate.request import CertificateRequest
 from rig.verbs.certificate.runs import CertifiedRun, read_run
@@ -102,7 +103,7 @@ def _document(
     laboratory = words.laboratory(of[-1].register, settings, origin, missing)
     customer = words.customer(known, settings, origin, missing)
     place = settings.place or ", ".join(laboratory.party.address)
-    evidence = tuple(words.evidence(of_run, one.records, one.stage) for one, of_run in pairs)
+    evidence = tuple(told for one, of_run in pairs for told in _evidence(one, of_run))
     simulated = any(one.table.simulated for one in of)
     dates = Dates(
         max((one.received for one in known if one.received is not None), default=None),
@@ -154,6 +155,7 @@ def _document(
                     if one.state is None
                     else (
                         *words.deviations(b.of, one.state, one.stage, (one.register, asked.equipment)),
+                        *_of_added(one, b.of),
                         *one.said,
                     )
                 )
@@ -175,6 +177,27 @@ def _document(
             m for one, b in with_budget for m in numbers.models(b, one.stage, Found(one.outcomes, one.confirmed))
         ),
     )
+
+
+def _evidence(run: CertifiedRun, of: OfRun) -> Iterator[Evidence]:
+    """The run file, and those of added replications."""
+    if not run.added:
+        yield words.evidence(of, run.records, run.stage)
+        return
+    for path, records in [(run.path, run.records), *((one.path, one.records) for one in run.added)]:
+        yield words.evidence(replace(of, table=run_table(path)), records, run.stage)
+
+
+def _of_added(run: CertifiedRun, of: OfRun) -> Iterator[str]:
+    """That replications were added, and departures from the procedure in them."""
+    if not run.added:
+        return
+    files = ", ".join(one.path.name for one in run.added)
+    yield f"Replications were added for the goal of the procedure, as runs of their own: {files}."
+    for one in run.added:
+        own = replace(of, table=run_table(one.path), corrected=())
+        told = words.deviations(own, one.state, run.stage, (None, None))
+        yield from (f"{one.path.name}: {sentence}" for sentence in told)
 
 
 def _of_dates(dates: Dates, today: date | None, *, simulated: bool) -> Iterator[str]:

@@ -34,9 +34,18 @@ if TYPE_CHECKING:
     from rig.verbs.confirm import Confirmed
 
 
+@dataclass(frozen=True)
+class Added:
+    """A replication that was added to a run: its file, its state, and the number of its records."""
+
+    path: Path
+    state: RunState
+    records: int
+
+
 @dataclass
 class CertifiedRun:
-    """One run, as far as it could be read; a table has no state."""
+    """One run, as far as it could be read; a table has no state. `added` are replications that were added to it."""
 
     path: Path
     stage: Stage
@@ -52,6 +61,7 @@ class CertifiedRun:
     heads: Mapping[Path, str] = field(default_factory=dict)
     stated: bool = False
     said: tuple[str, ...] = ()
+    added: tuple[Added, ...] = ()
 
 
 def read_run(
@@ -70,7 +80,10 @@ def read_run(
     run = CertifiedRun(path, stage, state, found.records, dry, documents.get(DOCUMENT), documents.get(CONFORMITY))
     if state.ended != "complete":
         reasons.append(f"{path} is not complete: {state.remaining} points are missing; rig resume {shell_word(path)}")
-    later = asked.confirmed_by if path == asked.runs[-1] else ()
+    later, added = (asked.confirmed_by, asked.added) if path == asked.runs[-1] else ((), ())
+    run.added = tuple(_added(added, reasons))
+    if len(run.added) < len(added):
+        return run
     with _noted(reasons):
         _checked(run, asked, reasons)
     if state.ended == "complete":  # the effects of half a run are others in a moment
@@ -79,6 +92,22 @@ def read_run(
     with _noted(reasons):
         _budget(run, asked, settings, reasons)
     return run
+
+
+def _added(paths: Sequence[Path], reasons: list[str]) -> Iterator[Added]:
+    """Replications that were added, as far as they are whole and complete."""
+    for path in paths:
+        found = verify_file(path)
+        if not found.whole:
+            reasons.append(f"{path} is not verified: {found.findings[0]}; see rig verify")
+            continue
+        with RunReader.open(path) as reader:
+            state = read_state(reader)
+        if state.ended != "complete":
+            missing = f"{state.remaining} points are missing; rig resume {shell_word(path)}"
+            reasons.append(f"{path} is not complete: {missing}")
+            continue
+        yield Added(path, state, found.records)
 
 
 def _read_table(
@@ -124,7 +153,8 @@ def _noted(reasons: list[str]) -> Iterator[None]:
 
 
 def _checked(run: CertifiedRun, asked: CertificateRequest, reasons: list[str]) -> None:
-    _take(run, checked_run(run.path, asked.equipment), asked, reasons)
+    more = [one.path for one in run.added]
+    _take(run, checked_run(run.path, asked.equipment, more), asked, reasons)
 
 
 def _take(run: CertifiedRun, checked: Checked, asked: CertificateRequest, reasons: list[str]) -> None:

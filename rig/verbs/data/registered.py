@@ -13,7 +13,8 @@ from rig.procedures.errors import DataError
 from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT
 from rig.run_file.read.reader import RunReader
-from rig.tables import FileSource, is_run, run_table
+from rig.tables import FileSource, is_run
+from rig.tables.segments import joined
 from rig.verbs.budget.evaluation import Evaluated, OfRun, run_with_register
 from rig.verbs.data.kept import REPEATABILITY, budget_section
 
@@ -62,26 +63,30 @@ class Registered:
         run: the run with its register; None without one.
         why: why there is none.
         equipment: the given register, in place of those of the runs; None if there is none.
+        segments: its file, and those of replications that were added to it; () if none were.
     """
 
     run: OfRun | None
     why: str
     equipment: Path | None = None
+    segments: tuple[Path, ...] = ()
 
-    @property
-    def source(self) -> Any:
-        """The corrected run."""
-        assert self.run is not None
-        return Corrected(self.run.table.source, self.run.table)
+    def source(self, own: FileSource) -> Any:
+        """The corrected run, with the added replications; the file itself without either."""
+        if self.run is not None:
+            return Corrected(self.run.table.source, self.run.table)
+        return Corrected(own.name, joined(self.segments)) if self.segments else own
 
     def table_of(self, path: Path) -> Table:
-        """The table of another run file, which is corrected if this one is.
+        """The table of a run file, which is corrected if this run is; of this one with the added replications.
 
         Raises:
             UsageError: it is no run file, or this run is corrected and that one has no register.
             ConfigurationError: its register cannot be used.
         """
-        return run_table(path) if self.run is None else run_with_register(path, self.equipment).table
+        own = bool(self.segments) and path.resolve() == self.segments[0].resolve()
+        more = self.segments[1:] if own else ()
+        return joined((path, *more)) if self.run is None else run_with_register(path, self.equipment, more).table
 
     def uncertainty(
         self,
@@ -138,8 +143,8 @@ class Uncertainty:
         return {"uncertainty": self.words, **more} if self.words else more
 
 
-def registered(source: FileSource, equipment: Path | None) -> Registered:
-    """The run of a source with its register.
+def registered(source: FileSource, equipment: Path | None, added: Sequence[Path] = ()) -> Registered:
+    """The run of a source with its register, and with replications that were added to it.
 
     Raises:
         UsageError: a register was given for something that is no run.
@@ -149,13 +154,14 @@ def registered(source: FileSource, equipment: Path | None) -> Registered:
         if equipment is not None:
             raise UsageError(f"--equipment is for run files, and {source.path} is a table")
         return Registered(None, "a table has no register of equipment")
+    segments = (source.path, *added) if added else ()
     if equipment is not None:
-        return Registered(run_with_register(source.path, equipment), "", equipment)
+        return Registered(run_with_register(source.path, equipment, added), "", equipment, segments)
     with RunReader.open(source.path) as reader:
         has_one = DOCUMENT in reader.documents()
     if not has_one:
-        return Registered(None, "the run has no register of equipment (docs/how_to/register.md)")
+        return Registered(None, "the run has no register of equipment (docs/how_to/register.md)", segments=segments)
     try:
-        return Registered(run_with_register(source.path), "")
+        return Registered(run_with_register(source.path, more=added), "", segments=segments)
     except ConfigurationError as error:
-        return Registered(None, f"its register of equipment cannot be used: {error}")
+        return Registered(None, f"its register of equipment cannot be used: {error}", segments=segments)

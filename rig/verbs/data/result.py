@@ -355,14 +355,16 @@ def fit_source(
     *,
     keep: bool = False,
     equipment: Path | None = None,
+    added: Sequence[Path] = (),
 ) -> Calibration:
-    """`rig fit`: arguments and errors as for `Data.fit`; `keep` means that the result is written to a file.
+    """`rig fit`: arguments and errors as for `Data.fit`; `keep` means that the result is written to a file, `added` are
+    files of replications that were added to the run.
 
     A run with a register of equipment, its own or the given one, is corrected by its certificates, and the calibration
     keeps their influences.
     """
-    of = registered(source, equipment)
-    run, source = source.path, source if of.run is None else of.source
+    of = registered(source, equipment, added)
+    run, source = source.path, of.source(source)
     kind, options = chosen(source, _asked(given), lambda one: one.fit_options)
     fitted: Fitted
     others = ["--leave-out"] if leave_out else []
