@@ -14,12 +14,10 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.instrument import Reader
 from rig.drivers.declared.reader import INPUT, DeclaredReader
 from rig.drivers.numbers import whole
-from rig.drivers.roles import Identity
-from rig.drivers.scpi_described import Described
+from rig.drivers.scpi_described import Described, ask, tell
 from rig.drivers.scpi_options import Command, Question, ScpiOptions, filled
 
 
@@ -60,26 +58,12 @@ class DescribedMeter(DeclaredReader, Described):
 
     def _roles(self) -> Mapping[str, Any]:
         options = self._options
-        one: dict[str, Any] = {
-            key: (Tell.model_construct(tell=text),) for key in ("start", "abort") if (text := getattr(options, key))
-        }
-        one |= {"number": (Tell.model_construct(tell="*SRE {mark}"),)} if options.numbered else {}
+        one: dict[str, Any] = {"start": (tell(options.start, count=":d"),)} if options.start else {}
+        one |= {"abort": (tell(options.abort),)} if options.abort else {}
+        one |= {"number": (tell("*SRE {mark}", mark=":d"),)} if options.numbered else {}
         plain: dict[str, Any] = {key: getattr(options, key) for key in ("unit", "reading_s", "most", "overload")}
-        return {"reader": Reader.model_construct(reading=Ask.model_construct(ask=options.fetch), **one, **plain)}
-
-    def identify(self) -> Identity:
-        """Ask for the identity.
-
-        The bus is cleared first, which ends a measurement of an earlier session; nothing but *IDN? is sent.
-        """
-        self._scpi.line.drain()
-        return super().identify()
-
-    def wrong(self) -> Sequence[str]:
-        """Settings that are not as declared: the questions of `check` and `healthy`, without settings that `start`
-        changes.
-        """
-        return self._scpi.wrong(self._options.start or "")
+        fetch = f"{options.fetch};*SRE?" if options.numbered else options.fetch
+        return {"reader": Reader.model_construct(reading=ask(fetch), **one, **plain)}
 
     def _of_one_form(self, name: str, readings: Sequence[tuple[str, float]]) -> list[float]:
         return [value for _, value in readings] if self._options.digits else super()._of_one_form(name, readings)
@@ -93,24 +77,23 @@ class DescribedMeter(DeclaredReader, Described):
 
     def _readings(self, count: int, timeout_s: float) -> list[tuple[str, float]]:
         """Ask for readings, as printed and in numbers, and check that they are those of the present number."""
-        numbered = self._options.numbered
-        question = f"{self._options.fetch};*SRE?" if numbered else self._options.fetch
-        answer = self._scpi.ask(question, timeout_s, repeat=False)
-        words = answer
-        if numbered:
+        asked = self._reader.reading
+        assert asked is not None
+        question, talk = asked.said, self._talk
+        words = answer = talk.once(asked, timeout_s=timeout_s, repeat=False).printed
+        if self._options.numbered:
             words, _, mark = answer.rpartition(";")
             try:
                 ours = whole(mark) == self._mark
             except ValueError:
-                raise self._scpi.line.bad_reply(question, answer, "readings and the measurement's mark") from None
+                raise talk.line.bad_reply(question, answer, "readings and the measurement's mark") from None
             if not ours:
-                raise self._scpi.line.bad_reply(question, answer, f"mark {self._mark}: these are other readings")
+                raise talk.line.bad_reply(question, answer, f"mark {self._mark}: these are other readings")
         form, parts = self._options.number.split(";"), words.split(";")
         at = next(n for n, part in enumerate(form) if "{number}" in part)  # of a compound question, the readings' part
         readings = parts[at].split(",") if len(parts) == len(form) else []
         if len(readings) != count:
-            raise self._scpi.line.bad_reply(question, answer, f"{count} numbers")
+            raise talk.line.bad_reply(question, answer, f"{count} numbers")
         return [
-            self._value(*self._scpi.printed_in(question, ";".join([*parts[:at], one, *parts[at + 1 :]])))
-            for one in readings
+            self._value(*talk.printed_in(question, ";".join([*parts[:at], one, *parts[at + 1 :]]))) for one in readings
         ]

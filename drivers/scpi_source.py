@@ -12,10 +12,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from rig.contracts.declared.exchanges import Ask, Tell
+from rig.contracts.declared.exchanges import Ask
 from rig.contracts.declared.instrument import Source
 from rig.drivers.declared.source import DeclaredSource
-from rig.drivers.scpi_described import Described
+from rig.drivers.scpi_described import Described, ask, line, tell
 from rig.drivers.scpi_options import Command, Question, ScpiOptions, filled
 
 
@@ -86,20 +86,20 @@ class DescribedSource(DeclaredSource, Described):
                 )
             return self
 
+    numbers = ("setpoint", "read")
+    speaks_unasked = False
+
     def _roles(self) -> Mapping[str, Any]:
         options = self._options
-        asks: dict[str, Any] = {
-            key: Ask.model_construct(ask=text) for key in _ASKS if (text := getattr(options, key)) is not None
-        }
-        tells: dict[str, Any] = {
-            key: (Tell.model_construct(tell=text),) for key in _TELLS if (text := getattr(options, key)) is not None
-        }
-        if "settled" in asks:
-            asks["settled"] = Ask.model_construct(ask=options.settled, bit=options.settled_bit)
+        asks: dict[str, Any] = {key: ask(text) for key in _ASKS if (text := getattr(options, key)) is not None}
+        tells: dict[str, Any] = {key: (tell(text),) for key in ("on", "off") if (text := getattr(options, key))}
+        if options.settled is not None:
+            asks["settled"] = Ask(ask=line(options.settled), answer=("{value:d}",), bit=options.settled_bit)
         plain: dict[str, Any] = {key: getattr(options, key) for key in _PLAIN}
-        return {"source": Source.model_construct(**asks, **tells, **plain)}
+        to = (tell(options.set, value=f":.{options.decimals}"),)
+        return {"source": Source.model_construct(set=to, **asks, **tells, **plain)}
 
 
-_ASKS, _TELLS = ("setpoint", "read", "output", "settled"), ("set", "on", "off")
+_ASKS = ("setpoint", "read", "output")
 _PLAIN = ("unit", "low", "high", "readback", "read_off", "safe_value", "tolerance", "dwell_s")
 """Options that are keys of a source."""

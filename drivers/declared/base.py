@@ -37,6 +37,8 @@ class Declared:
     shares: ClassVar[bool]
     coarse: ClassVar[bool]
     supplied: ClassVar[dict[str, Any]]
+    speaks_unasked: ClassVar[bool] = True
+    """Whether it may have said something on being switched on or connected, which is no answer."""
     contracts: ClassVar[tuple[ContractFile, ...]] = ()
     Options: ClassVar[type[BaseModel]]
 
@@ -69,7 +71,7 @@ class Declared:
         table, asked = self.table, self.table.identity
         assert asked is not None
         wanted = f"{table.maker} {' or '.join(table.model)}".strip()
-        self._talk.drain()  # what it has said on being switched on or connected is no answer
+        self._listen()
         try:
             found = self._talk.once(asked)
         except BadReply as error:
@@ -82,8 +84,17 @@ class Declared:
         if asked.is_ is not None:
             same = same and self._talk.agree(found, asked.is_)
         if not same:
+            if asked.ask and asked.ask.upper() in found.printed.upper():
+                raise WrongInstrument(
+                    f"{self._where} echoes the command before its answer, {found.printed!r}: switch the echo off, "
+                    f"at the instrument, the adapter or the serial server"
+                )
             raise WrongInstrument(f"{self._where} should be a {wanted}; it answers {found.printed!r} to {asked.said!r}")
         return Identity(fields["maker"], fields["model"], fields["serial"], fields["firmware"])
+
+    def _listen(self) -> None:
+        if self.speaks_unasked:
+            self._talk.drain()
 
     def prepare(self) -> None:
         """Send the commands that prepare it one by one, and read settings back.

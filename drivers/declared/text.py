@@ -162,7 +162,8 @@ class TextTalk(Talk):
         try:
             raw = self._query(line, ask.lines, timeout_s or ask.timeout_s, repeat=repeat)
         except NoReply:
-            if line != self.table.errors.ask:
+            first = self.table.identity.ask if self.table.identity is not None else None
+            if line not in (self.table.errors.ask, first):  # before it is known, it is asked nothing else
                 with contextlib.suppress(NoReply, BadReply):
                     self.raise_errors(line)
             raise
@@ -332,4 +333,6 @@ def _sync(table: Instrument) -> tuple[str, str] | None:
         return None
     known = {"maker": table.maker, "model": table.model[0]} if len(table.model) == 1 else {}
     literal = Form(identity.forms[0]).filled(known).literal if len(identity.forms) == 1 else ""
-    return (identity.ask, literal) if len(literal) >= 3 else None
+    if not literal and known and all("{model}" in form for form in identity.forms):
+        literal = table.model[0]
+    return (identity.ask, literal) if len(literal) >= 2 else None

@@ -14,6 +14,7 @@ from rig.bench.config import parse_bench
 from rig.drivers.clock import RealClock
 from rig.drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from rig.drivers.roles import OVERLOAD
+from rig.drivers.scpi_described import table_of
 from rig.drivers.scpi_meter import DescribedMeter
 from rig.drivers.scpi_source import DescribedSource
 from rig.drivers.wires import Wires
@@ -95,7 +96,9 @@ def bench():
 @pytest.mark.parametrize("wrong", [{"model": "M2"}, {"model": None, "identity": "STRANGER,.*"}])
 def test_a_stranger_is_asked_who_it_is_and_nothing_else(bench, table, wrong):
     it = bench(table)
-    it.it._scpi._options = it.it._scpi._options.model_copy(update={"model": "", "identity": ""} | wrong)
+    driver = getattr(it.it, "_guarded", it.it)
+    driver._options = driver._options.model_copy(update={"model": "", "identity": ""} | wrong)
+    driver.table = table_of(driver._options, driver._roles())
     with pytest.raises(WrongInstrument, match=r"it at .* should be a (M2|STRANGER,\.\*); it answers 'SIMULATED,"):
         it.it.identify()
     assert [line for line in it.sent if line != "\x03"] == ["*IDN?"]
@@ -123,7 +126,7 @@ def test_a_line_that_the_instrument_refuses_is_named(bench):
 
 def test_a_setting_that_reads_back_otherwise_is_refused(bench):
     it = bench(METER, check={"VOLT:NPLC?": 10})
-    with pytest.raises(BadReply, match=r"VOLT:NPLC\? should answer 10.0 and answers '5'"):
+    with pytest.raises(BadReply, match=r"VOLT:NPLC\? answers 5, not 10.0, after it was prepared"):
         it.it.prepare()
 
 

@@ -105,7 +105,7 @@ def test_a_channel_that_no_command_can_set_back_stops_the_run_with_the_right_row
     path, result = run(Foreign(at(3, to_rear)), [150, 300], meter=TERMINALS)
     assert result.outcome is Outcome.FAULT
     assert means(path) == [150.0, 300.0]
-    assert "ROUT:TERM? should answer FRON and answers 'REAR'" in result.message
+    assert "ROUT:TERM? answers REAR, not FRON, after it was prepared" in result.message
     first = faults(path)[0]
     assert first["evidence"]["readings"]["probe_degC"] == [pytest.approx(250.0, abs=0.1)]
 

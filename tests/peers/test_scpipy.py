@@ -116,4 +116,4 @@ def test_another_instrument_is_asked_for_its_identity_and_nothing_else(make):
     source = make(DescribedSource, **(SOURCE | {"model": "SMU 2"}))
     with pytest.raises(WrongInstrument, match=r"should be a STRANGER INC\. SMU 2; it answers 'STRANGER"):
         source.identify()
-    assert source._scpi.line.exchanges == 1
+    assert source._talk.line.exchanges == 1
