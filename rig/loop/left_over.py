@@ -1,4 +1,4 @@
-"""What a loop leaves unexplained when no question is open: error on the further runs that is more than scatter.
+"""Error that a loop leaves on its further runs when no question is open: is it more than scatter, and of what?
 
 The trace of the first run may miss an effect because it is small there: a temperature that hardly changed. A further
 run that differs can show it. Its own trace then names it, and the other runs say whether they show it as well.
@@ -69,7 +69,7 @@ def _found_later(told: Confirmed) -> Iterator[str]:
 
 
 def _by_others(own: First, effect: str, others: Sequence[Path]) -> str:
-    """What the other runs say about an effect that one run's trace names."""
+    """Verdict of the other runs on an effect that the trace of one run names, in brackets; "" without one."""
     try:
         answers = judge(own, *others, anywhen=True).answers
     except (UsageError, FitError):

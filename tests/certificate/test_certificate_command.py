@@ -337,8 +337,8 @@ def test_an_item_is_not_received_after_its_calibration(run, tmp_path):
 def test_a_certificate_of_a_real_run_is_issued_between_its_end_and_today(run, tmp_path, monkeypatch, issued, reason):
     opened = read_run.__globals__["checked_run"]
 
-    def real(path, equipment):
-        checked = opened(path, equipment)
+    def real(path, equipment, more):
+        checked = opened(path, equipment, more)
         return replace(checked, of=replace(checked.of, table=replace(checked.of.table, simulated=False)))
 
     monkeypatch.setitem(read_run.__globals__, "checked_run", real)
