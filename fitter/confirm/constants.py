@@ -11,11 +11,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import optimize
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.confirm.question import Hypothesis
 from rig.fitter.confirm.together import Candidates, Together, left, solve
+from rig.fitter.least import least
 
 WIDE = 2.0
 """Ratio of the values beside a constant in its search from which it is searched on a logarithmic scale."""
@@ -77,6 +77,8 @@ def _profiled(
     profile, q = terms[0].block.profile, len(terms)
     log = profile.low > 0.0 and profile.high > WIDE * profile.low
 
+    from scipy import optimize  # noqa: PLC0415 - 0.1 s, for effects with a constant
+
     def back(u: float) -> float:
         return float(np.exp(u)) if log else float(u)
 
@@ -92,7 +94,7 @@ def _profiled(
     costs = np.array([cost(u) for u in grid])
     nearest = int(np.argmin(costs))
     around = float(grid[max(nearest - 1, 0)]), float(grid[min(nearest + 1, TRIED - 1)])
-    best = float(optimize.minimize_scalar(cost, bounds=around, method="bounded").x)
+    best = least(cost, *around).x
     most = cost(best) + t**2
     ends, known = [], []
     for side, inside in ((-1, grid[grid < best][::-1]), (1, grid[grid > best])):

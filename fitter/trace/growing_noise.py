@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.least import least
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.chance import ALPHA, COUNTED
 
@@ -65,11 +66,7 @@ def noise_of(residual: FloatArray, left: FloatArray, driver: FloatArray, middle:
         return float(np.log(share @ (squares / shape**2)) + 2.0 * share @ np.log(shape))
 
     # by the logarithm of the ratio of the noise at the highest value to that at zero
-    from scipy.optimize import minimize_scalar  # noqa: PLC0415  # 0.14 s, for those who look
-
-    best = minimize_scalar(
-        lambda u: deviance(np.expm1(u) / highest), bounds=(-2.0, np.log1p(STEEPEST)), method="bounded"
-    )
+    best = least(lambda u: deviance(float(np.expm1(u)) / highest), -2.0, float(np.log1p(STEEPEST)))
     slope = float(np.expm1(best.x)) / highest
     at_zero = float(np.sqrt(share @ (squares / (1.0 + slope * driver) ** 2)))
     sd = at_zero * (1.0 + slope * driver)

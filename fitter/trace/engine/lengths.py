@@ -17,13 +17,11 @@ from numpy.typing import NDArray
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.engine.problem import Problem
-from rig.fitter.trace.engine.score import NOTHING_LEFT, Apart, in_turn
+from rig.fitter.trace.engine.score import CONSTANT, NOTHING_LEFT, Apart, in_turn
 
 Single = NDArray[np.float32]
 NARROW = 12
 """Most columns of an effect that is simulated together with others."""
-CONSTANT = 1e-12
-"""Share of a column's sum of squares about its mean, at least: less is rounding."""
 
 
 @dataclass(frozen=True, eq=False)

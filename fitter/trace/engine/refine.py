@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rig.fitter.least import least
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.problem import Problem
@@ -31,16 +32,9 @@ def refined(judge: TableJudge, chosen: tuple[int, ...]) -> Problem:
                 units = orthonormal(own - basis @ (basis.T @ own), np.linalg.norm(own, axis=0), 1e-5)  # noqa: B023
                 return -float(np.sum((units.T @ left) ** 2))  # noqa: B023
 
-            from scipy.optimize import minimize_scalar  # noqa: PLC0415 - 0.1 s, for those who look
-
-            best = minimize_scalar(
-                rss,
-                bounds=(profile.low, profile.high),
-                method="bounded",
-                options={"xatol": 1e-4 * (profile.high - profile.low)},
-            )
-            if best.fun < rss(profile.value) - 1e-9 * float(left @ left):
-                terms[j] = profile.at(float(best.x))
+            best = least(rss, profile.low, profile.high, 1e-4 * (profile.high - profile.low))
+            if best.value < rss(profile.value) - 1e-9 * float(left @ left):
+                terms[j] = profile.at(best.x)
                 moved = True
         if not moved:
             break

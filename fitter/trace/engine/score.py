@@ -26,6 +26,8 @@ Floats = NDArray[Any]
 """Double or single precision: a simulation may use less than a score."""
 NOTHING_LEFT = 1e-3
 """Minimum remaining share of a column beside the model."""
+CONSTANT = 1e-12
+"""Share of a column's sum of squares about its mean, at least: less is rounding."""
 NEARLY = 0.1
 """Remaining share of a column below which its rounding errors beside the model are removed once more."""
 RESOLVED = 1e-12
@@ -151,10 +153,11 @@ class View:
         length = np.empty(int(problem.start[-1]))
         for some in problem.few:
             few = problem.noise.whiten(which, problem.columns[:, some] / sd)[0]
-            length[some] = _about(few)
-            whole = np.einsum("ij,ij->j", few, few)
-            few -= basis @ (basis.T @ few)
-            near = np.einsum("ij,ij->j", few, few) < NEARLY**2 * whole
+            whole, along = np.einsum("ij,ij->j", few, few), basis.T @ few
+            # about their means: for a constant a millionth of its length, or its rounding errors would be a column
+            length[some] = np.sqrt(np.maximum(whole - few.sum(axis=0) ** 2 / len(few), CONSTANT * whole))
+            few -= basis @ along
+            near = whole - np.einsum("ij,ij->j", along, along) < NEARLY**2 * whole
             if np.any(near):  # once leaves rounding errors of a column that is nearly declared
                 few[:, near] -= basis @ (basis.T @ few[:, near])
             columns[:, some] = few
@@ -368,16 +371,6 @@ def _scatter(found: Blocks, left: FloatArray, variance: FloatArray) -> FloatArra
         own = rest**2 / np.maximum(1.0 - leverage, 0.2)
         out[j] = float(leverage @ own) / found.rank[j] / variance[j]
     return np.asarray(np.maximum(out, 1.0))
-
-
-def _about(columns: FloatArray) -> FloatArray:
-    """(D,) lengths of columns (n, D) about their means: their constant part is irrelevant.
-
-    For a constant a millionth of its length; otherwise its rounding errors would count as a column.
-    """
-    every = np.einsum("ij,ij->j", columns, columns)
-    columns = columns - columns.mean(axis=0)
-    return np.asarray(np.sqrt(np.maximum(np.einsum("ij,ij->j", columns, columns), 1e-12 * every)))
 
 
 def _stretches(n: int) -> list[slice]:

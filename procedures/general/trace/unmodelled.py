@@ -252,12 +252,18 @@ class UnmodelledSmooth:
         alike = float(left[1:] @ left[:-1]) / max(float(left @ left), np.finfo(float).tiny)
         if when is None or alike * np.sqrt(n) < ALIKE:
             return None
-        noise: Noise = Wandering(when) if self.data.shared is None else Both(self.data.shared, when=when)
-        noise = noise.over(problem.sd)
-        every = Grid.of(noise, judge.held(self.chosen) / problem.sd, problem.model(self.chosen) / problem.sd[:, None])
-        usual = float(every.beside().ml.max()) + 0.5 * n * float(np.log(n))
         found = two_levels(left, taken)
-        return found if found is not None and found.log_likelihood - usual > ahead else None
+        return found if found is not None and found.log_likelihood - self._usual > ahead else None
+
+    @cached_property
+    def _usual(self) -> float:
+        """Log-likelihood of the best noise with memory, beside all effects, as `two_levels` counts it."""
+        problem, when = self.judge.problem, times_of(self.data)
+        assert when is not None  # whoever asks has times
+        noise: Noise = Wandering(when) if self.data.shared is None else Both(self.data.shared, when=when)
+        y = self.judge.held(self.chosen) / problem.sd
+        every = Grid.of(noise.over(problem.sd), y, problem.model(self.chosen) / problem.sd[:, None])
+        return float(every.beside().ml.max()) + 0.5 * problem.n * float(np.log(problem.n))
 
     @cached_property
     def doubts(self) -> dict[str, str]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from rig.fitter.least import least
 from rig.fitter.trace.engine.likelihood import Grid
 from rig.procedures.pressure.trace.judge import WholePlotJudge
 
@@ -45,8 +46,6 @@ def _memory(judge: WholePlotJudge, chosen: Sequence[int], i: int) -> Memory:
         noise = replace(errors.noise, grid=np.array([[offset, slope, rho]]))
         return -2.0 * float(Grid.of(noise, y, model).beside().reml[0]) - float(noise.prices[0])
 
-    from scipy.optimize import minimize_scalar  # noqa: PLC0415 - 0.1 s, for those who look
-
-    best = minimize_scalar(deviance, bounds=(0.0, MOST), method="bounded", options={"xatol": 0.01})
-    fall = max(deviance(0.0) - float(best.fun), 0.0)
-    return Memory(float(best.x), 0.5 * float(special.chdtrc(1, fall)))
+    best = least(deviance, 0.0, MOST, 0.01)
+    fall = max(deviance(0.0) - best.value, 0.0)
+    return Memory(best.x, 0.5 * float(special.chdtrc(1, fall)))
