@@ -141,6 +141,11 @@ COMMANDS = {
         "rig.cli.confirm",
         "Confirm effects found by a trace with a further run, and separate confounded causes with new data.",
     ),
+    "lab": Entry(
+        _DATA,
+        "rig.cli.lab",
+        "Say what is due in a laboratory, the history of an item, or which certificates rest on a piece of equipment.",
+    ),
     "verify": Entry(
         _DATA,
         "rig.cli.verify",

@@ -37,7 +37,7 @@ def texts(answers: Answers) -> dict[str, str]:
     }
     made = {BENCH: _bench, PROCEDURE: _procedure, REGISTER: _register, WORLD: _world}
     files = {key: f"./{Path(value).name}" for key, value in answers.items() if _own_file(key, value)}
-    kept = f"# The answers to the questions: `rig new FOLDER --answers {ANSWERS}` makes the same files of them.\n"
+    kept = f"# The answers to the questions. With --answers {ANSWERS}, rig new makes the same files of them.\n"
     return {
         **{name: "\n".join(lines(answers)) + "\n" for name, lines in made.items()},
         ANSWERS: kept + toml_text(_nested({**answers, **files})),

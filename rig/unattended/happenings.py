@@ -30,6 +30,7 @@ class Kind(StrEnum):
     FINISH = "finish"
     LOOP = "loop"
     TEST = "test"
+    DUE = "due"
     STATE = "state"
     PROGRESS = "progress"
     EVENT = "event"

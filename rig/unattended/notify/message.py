@@ -26,6 +26,7 @@ HEADLINES = {
     Kind.FINISH: "finished",
     Kind.LOOP: "decided by itself",
     Kind.TEST: "a test message",
+    Kind.DUE: "calibrations are due",
 }
 _AGAIN = (
     " systemd tries again by itself in a minute, five times in six hours at most; if no other message comes, it has "

@@ -128,10 +128,11 @@ def _statement(
     tolerance: ToleranceSettings,
     settings: CertificateSettings,
 ) -> Statement:
+    permitted = tolerance.permitted(at)
     made = decide(
         one.value,
         one.standard_uncertainty,
-        tolerance.permitted(at),
+        permitted,
         settings.decision.made,
         expanded_uncertainty=one.expanded_uncertainty,
         df=one.df,
@@ -147,6 +148,7 @@ def _statement(
         sentence=_SENTENCES[made.word].format(what),
         stage=stage,
         basis=tolerance.basis,
+        permitted=(permitted.lower, permitted.upper),
     )
 
 

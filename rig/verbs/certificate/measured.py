@@ -6,6 +6,7 @@ Numbers are texts, as `rig.verbs.certificate.document` says, with the unrounded 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import Literal
 
 Stage = Literal["", "as found", "as left"]
@@ -142,6 +143,7 @@ class Statement:
         sentence: the statement, without the name of the sensor.
         stage: as found or as left.
         basis: by what the tolerance follows from the settings, as words; "" where it is stated as numbers.
+        permitted: lowest and highest value that conforms, unrounded; infinite where there is no limit.
     """
 
     sensor: str
@@ -153,6 +155,7 @@ class Statement:
     sentence: str
     stage: Stage = ""
     basis: str = ""
+    permitted: tuple[float, float] = (-inf, inf)
 
 
 @dataclass(frozen=True)
