@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from datetime import date
 from typing import Any
 
-from rig.errors import UsageError
 from rig.archive.documents import Thing
 from rig.archive.forecast import Forecast
 from rig.archive.index import HISTORY, Lab
+from rig.errors import UsageError
 
 _NAMED = """SELECT key, name, maker, model, serial, asset FROM thing WHERE key = ?1
     UNION SELECT key, name, maker, model, serial, asset FROM thing WHERE serial = ?1 AND serial <> ''

@@ -16,10 +16,10 @@ from typing import Any
 
 import apsw
 
-from rig.drivers.clock import RealClock
-from rig.errors import RigError, UsageError
 from rig.archive.documents import Issued, Kept, Thing, may_be_kept, read_kept
 from rig.archive.forecast import forecast
+from rig.drivers.clock import RealClock
+from rig.errors import RigError, UsageError
 
 NAME = ".rig-lab.sqlite"
 """Name of the index in the folder of the laboratory."""

@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
-from rig.errors import UsageError
 from rig.archive import Lab, affected, due, history
 from rig.archive import index as archive_index
 from rig.archive.documents import read_kept
+from rig.errors import UsageError
 from rig.verbs.certificate.document import Amendment, Dates, Equipment, Item
 from rig.verbs.certificate.measured import Result, ResultTable, Stage, Statement
 from tests.support.command import rig
