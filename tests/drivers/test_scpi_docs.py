@@ -1,4 +1,4 @@
-"""docs/how_to/scpi.md: its options, its three instruments in dry runs, its commands."""
+"""Instruments in the bench file itself, in docs/how_to/own_instrument.md: in dry runs, and its commands."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rig.instruments.opening import open_bench
 from rig.sims.serve import toml
 from rig.simulated.dry_run import DryBench
 
-TEXT = (Path(__file__).parents[2] / "docs" / "how_to" / "scpi.md").read_text(encoding="utf-8")
+TEXT = (Path(__file__).parents[2] / "docs" / "how_to" / "own_instrument.md").read_text(encoding="utf-8")
 
 
 def block(name: str) -> str:
@@ -27,9 +27,9 @@ def block(name: str) -> str:
 
 def benches() -> dict[str, str]:
     """The bench of the page, and the same with the other source."""
-    first = tomllib.loads(block("bench.toml"))
-    second = first | {"instruments": first["instruments"] | tomllib.loads(block("smu.toml"))["instruments"]}
-    return {"calibrator": block("bench.toml"), "smu": toml(second)}
+    first = tomllib.loads(block("voltmeter/bench.toml"))
+    second = first | {"instruments": first["instruments"] | tomllib.loads(block("voltmeter/smu.toml"))["instruments"]}
+    return {"calibrator": block("voltmeter/bench.toml"), "smu": toml(second)}
 
 
 @pytest.mark.parametrize("which", benches())
@@ -59,8 +59,8 @@ def test_the_instruments_of_the_page_work_on_their_twins(which: str) -> None:
 @pytest.mark.parametrize("which", benches())
 def test_the_commands_of_the_page(tmp_path: Path, which: str) -> None:
     (tmp_path / "bench.toml").write_text(benches()[which])
-    (tmp_path / "procedure.toml").write_text(block("procedure.toml"))
-    commands = [line.split()[1:] for line in block("run").splitlines()]
+    (tmp_path / "procedure.toml").write_text(block("voltmeter/procedure.toml"))
+    commands = [line.split()[1:] for line in block("voltmeter/run").splitlines()]
     assert [command[0] for command in commands] == ["plan", "run"]
     for command in commands:
         done = rig(*command, cwd=tmp_path)

@@ -70,7 +70,7 @@ def check_guards(config: BenchConfig) -> Iterator[Finding]:
     names = unasked(config)
     if names:
         words = "no question shows whether somebody has changed its unit, channel or range at the panel"
-        yield warning(", ".join(names), words, "name one in check (docs/how_to/scpi.md)")
+        yield warning(", ".join(names), words, "name one in check (docs/how_to/own_instrument.md)")
     if names := cannot_be_asked(config):
         yield ok(", ".join(names), NO_QUESTION)
 
