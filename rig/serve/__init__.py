@@ -4,7 +4,7 @@ Acts go through the same functions and request files as the command line (`rig.a
 """
 
 from rig.serve.api import openapi
-from rig.serve.app import Served, make_app
+from rig.serve.app import make_app
 from rig.serve.server import serve
 
-__all__ = ["Served", "make_app", "openapi", "serve"]
+__all__ = ["make_app", "openapi", "serve"]

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import multiprocessing
-from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
+import json
+import subprocess
+import sys
 from dataclasses import dataclass, field
-from typing import Any
 
 from anyio import CapacityLimiter, to_thread
 from starlette.exceptions import HTTPException
 
 from rig.acts import Act, Places, Told
 from rig.errors import RigError, UsageError
-from rig.lab import Laboratory, Person, WrongPassword, by_password, check_role
+from rig.lab import Person, WrongPassword, by_password, check_role
 from rig.serve.sessions import Patience
 from rig.who import Operator
 
@@ -35,7 +34,7 @@ class Acting:
     patience: Patience
     _passwords: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))  # 64 MB each
     _waiting: int = 0
-    _slow: ProcessPoolExecutor | None = None
+    _slow: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
 
     async def password(self, login: str, password: str, address: str) -> Person:
         """The person with this password.
@@ -78,32 +77,28 @@ class Acting:
         """Do it. Raises `RigError`."""
         if not act.slow:
             return await to_thread.run_sync(act.carry_out, self.places, by)
-        if self._slow is None:  # begun by spawning: this process has threads
-            context = multiprocessing.get_context("spawn")
-            self._slow = ProcessPoolExecutor(2, mp_context=context)
-        job = self._slow.submit(_apart, type(act).name, act.model_dump(), self.places.laboratory, by)
-        told = await to_thread.run_sync(job.result, abandon_on_cancel=True)
-        if isinstance(told, RigError):
-            raise told
-        return told
-
-    def close(self) -> None:
-        """End the processes of slow acts."""
-        if self._slow is not None:
-            self._slow.shutdown(wait=False, cancel_futures=True)
+        asked = {"act": act.name, "values": act.model_dump(exclude_none=True), "by": [by.name, by.by]}
+        asked["folder"] = str(self.places.folder)
+        return await to_thread.run_sync(_apart, json.dumps(asked), limiter=self._slow)
 
 
 _WAIT = "Too many wrong passwords. Wait {:.0f} s."
 _MOST_WAITING = 20
 
 
-def _apart(name: str, values: Mapping[str, Any], laboratory: Laboratory, by: Operator) -> Told | RigError:
-    """An act in a process of its own; an error for people is returned, since some cannot be pickled as raised."""
-    from rig.acts import act_of  # noqa: PLC0415 - in the new process
-    from rig.procedures.errors import DataError  # noqa: PLC0415
-
+def _apart(asked: str) -> Told:
+    """An act in a process of its own (`rig.serve.apart`), which ends what it began even if the server is killed."""
+    command = [sys.executable, "-m", "rig.serve.apart"]
+    done = subprocess.run(
+        command, input=asked, capture_output=True, text=True, timeout=_MOST_S, start_new_session=True, check=False
+    )
     try:
-        given = {key: value for key, value in values.items() if value is not None}
-        return act_of(name, given).carry_out(Places(laboratory), by)
-    except (RigError, DataError) as error:
-        return UsageError(str(error))
+        told = json.loads(done.stdout)
+    except ValueError:
+        raise RigError(f"a defect of rig: {done.stderr.strip()[-500:]}") from None
+    if "error" in told:
+        raise UsageError(told["error"])
+    return Told(**told)
+
+
+_MOST_S = 7200.0

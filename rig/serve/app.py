@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import jinja2
@@ -28,14 +27,6 @@ from rig.watch.app import Page, Pause, static
 _PROBLEM = jinja2.Environment(loader=jinja2.PackageLoader("rig.serve"), autoescape=True).get_template("problem.html.j2")
 
 
-@dataclass(frozen=True)
-class Served:
-    """The application, and what has to be closed at its end."""
-
-    app: ASGIApp
-    acting: Acting
-
-
 def make_app(
     laboratory: Laboratory,
     *,
@@ -44,7 +35,7 @@ def make_app(
     pause: Pause,
     names: frozenset[str] = frozenset(),
     encrypted: bool = False,
-) -> Served:
+) -> ASGIApp:
     """The application.
 
     Args:
@@ -66,7 +57,7 @@ def make_app(
         routes=[*pages.routes(), *Api(site, acting).routes(), *static(*files)],
         exception_handlers=handlers,  # type: ignore[arg-type]  # of these exceptions, each its own
     )
-    return Served(Guarded(app, Access.for_acts(names, encrypted=encrypted)), acting)
+    return Guarded(app, Access.for_acts(names, encrypted=encrypted))
 
 
 async def _problem(request: Request, error: HTTPException) -> Response:

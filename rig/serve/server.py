@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import platform
+import signal
 import ssl
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import FrameType
 
 import anyio
 import uvicorn
@@ -64,10 +66,10 @@ def serve(
     laboratory.note_changes(operator())
     clock = RealClock()
     all_names = names | {host.lower()}
-    served = make_app(
+    app = make_app(
         laboratory, stopwatch=clock.stopwatch, utc=clock.utc, pause=anyio.sleep, names=all_names, encrypted=encrypted
     )
-    how = configuration(served.app)
+    how = configuration(app)
     if encrypted:
         how.ssl_certfile, how.ssl_keyfile = str(certificate), str(key)
     try:
@@ -77,11 +79,16 @@ def serve(
     if how.ssl is not None:
         how.ssl.minimum_version = ssl.TLSVersion.TLSv1_2
     listening = listen(host, port)
-    with contextlib.closing(listening), contextlib.closing(served.acting), _queue(laboratory, works, said):
+    with contextlib.closing(listening), _queue(laboratory, works, said):
         shown = platform.node() if host in ("0.0.0.0", "::") else f"[{host}]" if ":" in host else host
+        signal.signal(signal.SIGTERM, _end)  # uvicorn passes a signal on when it has ended
         announce(f"http{'s' if encrypted else ''}://{shown}:{listening.getsockname()[1]}/")
         with contextlib.suppress(KeyboardInterrupt):
             uvicorn.Server(how).run(sockets=[listening])
+
+
+def _end(_number: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
 
 
 @contextlib.contextmanager

@@ -48,6 +48,7 @@ class Site:
         self._lock = threading.Lock()
         self._made_s, self._benches = -1e9, list[dict[str, Any]]()
         self._log: tuple[object, Log] = (None, Log())
+        self._equipment: tuple[object, list[dict[str, Any]]] = (None, [])
 
     @property
     def laboratory(self) -> Laboratory:
@@ -226,8 +227,16 @@ class Site:
         return [f"{row['what']} was due on {row['due']}" for row in self.equipment() if row["tone"] == "bad"]
 
     def equipment(self) -> list[dict[str, Any]]:
-        """Equipment and items, with due dates; what is due first comes first."""
+        """Equipment and items, with due dates; what is due first comes first. Read again after a change only."""
         today = datetime.fromtimestamp(self.utc(), UTC).astimezone().date()
+        files = {**self.places.registers(), **self.places.benches()}
+        now = (today, *((name, _print(path)) for name, path in files.items()))
+        with self._lock:
+            if self._equipment[0] != now:
+                self._equipment = (now, self._read_equipment(today))
+            return self._equipment[1]
+
+    def _read_equipment(self, today: date) -> list[dict[str, Any]]:
         rows: dict[tuple[str, str], dict[str, Any]] = {}
         entries: Mapping[str, InstrumentConfig | ReferenceConfig]
         for file, path in self.places.registers().items():

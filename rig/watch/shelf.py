@@ -6,7 +6,7 @@ import os
 import re
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -18,6 +18,8 @@ from rig.watch.feed import RunFeed
 from rig.watch.reading import WatchReader
 
 _LISTED = 200
+_TICK_S = 2.0
+"""Resolution of a file's time of change, seconds: within it a file is read again."""
 
 
 @dataclass(frozen=True)
@@ -88,15 +90,15 @@ class Shelf:
             return self._feeds[name]
 
     def entries(self) -> list[Entry]:
-        """The runs, newest first; a run whose file is unchanged is not read again."""
+        """The runs, newest first; a file that is unchanged is not read again."""
         found = []
         for name, path in self._paths().items():
             changed = _changed(path)
             known = self._known.get(name)
-            if known is None or known[0] != changed or known[1].running or controller_alive(path):
+            if known is None or known[0] != changed or self._utc() - changed < _TICK_S:
                 known = (changed, _entry(name, path))
                 self._known[name] = known
-            found.append((_made(name, changed), known[1]))
+            found.append((_made(name, changed), _now(known[1], path)))
         return [entry for _, entry in sorted(found, key=lambda one: (one[0], one[1].name), reverse=True)]
 
     def _paths(self) -> dict[str, Path]:
@@ -131,20 +133,26 @@ def _changed(path: Path) -> float:
     return max(times, default=0.0)
 
 
+def _now(entry: Entry, path: Path) -> Entry:
+    """An entry with what its controller says at this moment, if there is one."""
+    live = read_json(live_path(path))
+    if not live or not controller_alive(path):
+        return entry
+    return replace(entry, state=str(live.get("state", "running")), running=True)
+
+
 def _entry(name: str, path: Path) -> Entry:
+    """An entry by the records of its file."""
     try:
         with WatchReader.open(path) as reader:
             run, began = reader.about(), reader.genesis().utc_s
             done, ended = reader.accepted(), reader.ended()
-        live = read_json(live_path(path)) or {}
-        running = bool(live) and controller_alive(path)
-        state = str(live.get("state", "running")) if running else ended or "not running"
         return Entry(
             name,
             run.procedure or "",
             run.bench or "",
-            state,
-            running,
+            ended or "not running",
+            False,
             done,
             run.points,
             began,

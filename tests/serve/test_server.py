@@ -50,14 +50,14 @@ class Server:
     beat: Callable[[], None] = lambda: None
 
     def __post_init__(self) -> None:
-        self.served = make_app(Laboratory(self.folder), stopwatch=self.clock, utc=lambda: 1.8e9, pause=self._pause)
+        self.app = make_app(Laboratory(self.folder), stopwatch=self.clock, utc=lambda: 1.8e9, pause=self._pause)
 
     async def _pause(self, seconds: float) -> None:
         self.clock.now += seconds
         await to_thread.run_sync(self.beat)
 
     def ask(self, address: str, **how: Any) -> Answer:
-        return ask(self.served.app, address, **how)
+        return ask(self.app, address, **how)
 
 
 @dataclass
@@ -142,7 +142,7 @@ def proposed(server: Server, by: str = "anna") -> int:
 
 
 def every_route(server: Server) -> list[tuple[str, str]]:
-    routes = server.served.app._app.routes  # type: ignore[attr-defined]
+    routes = server.app._app.routes  # type: ignore[attr-defined]
     found = [(re.sub(r"\{[^}]*\}", "1", one.path), method) for one in routes for method in one.methods or ()]
     return [(path, method) for path, method in found if method != "HEAD"]
 
@@ -177,7 +177,7 @@ def test_a_cookie_is_for_no_script_and_no_other_site(server: Server, template: P
     assert "samesite=strict" in said
     safe = make_app(Laboratory(template), stopwatch=Clock(), utc=Clock(), pause=server._pause, encrypted=True)
     answer = ask(
-        safe.app,
+        safe,
         "/login",
         method="POST",
         headers={"content-type": FORM},
