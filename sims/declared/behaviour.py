@@ -226,6 +226,21 @@ class Behaviour:
             self._taken = [self._measured(name, self._began + n * each) for n in range(self._count) for name in names]
         return Said(self._taken[0] if self._taken else nan, "stable", {"values": self._taken, "mark": self._mark}, left)  # type: ignore[dict-item]  # a list is printed with commas
 
+    @property
+    def begun(self) -> bool:
+        """Whether a measurement was started, and not given up."""
+        return self._began >= 0
+
+    @property
+    def most(self) -> int:
+        """Largest number of readings at once."""
+        return self.table.reader.most if self.table.reader is not None else 0
+
+    def busy_for(self) -> float:
+        """Seconds until all readings of a start are taken."""
+        each = self.table.reader.reading_s if self.table.reader is not None else 0.0
+        return max(0.0, self._began + self._count * each - self.world.now()) if self.begun else 0.0
+
     def _channels(self) -> Mapping[str, Channel]:
         reader = self.table.reader
         assert reader is not None

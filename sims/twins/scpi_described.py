@@ -9,8 +9,11 @@ The twin shows whether a bench file is consistent. Whether it is right shows the
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
+from rig.contracts.declared.exchanges import Ask, Tell
+from rig.contracts.declared.instrument import Instrument
+from rig.sims.declared.behaviour import Behaviour, Refused, Said
 from rig.sims.identity import fitting
 from rig.sims.twins.scpi import COMMON, ScpiTwin, Wait
 from rig.sims.twins.scpi_syntax import Command, ScpiError, compiled, number, split_outside
@@ -50,13 +53,19 @@ class DescribedTwin(ScpiTwin):
         name: the bench's name for it.
         options: its options in the bench file.
         world: virtual time.
+        plant: a `rig.sims.physics.Plant`.
         serial: its serial number.
+
+    Attributes:
+        it: what it does and reads, as a declared instrument.
     """
 
     commands: ClassVar[Mapping[str, Command]] = _STATUS
 
-    def __init__(self, name: str, options: Mapping[str, object], world: World, serial: str) -> None:
-        self.options = options
+    def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str) -> None:
+        table = Instrument.model_construct(**self.role(options))
+        self.it: Behaviour = type("It", (Behaviour,), {"table": table})(name, options, world, plant, serial)
+        self.options, self.plant, self.inputs = options, plant, self.it.inputs
         self._serial = serial
         self.line_end = _ENDS[str(options.get("line_end", "lf"))]
         self._prepare = [unit for line in _texts(options, "prepare") for unit in units(line)]
@@ -71,8 +80,13 @@ class DescribedTwin(ScpiTwin):
         self._error = units(str(options.get("error", "SYST:ERR?")))[0][0]
         super().__init__(name, world, int(str(options.get("baud", 9600))), str(options.get("frame", "8N1")))
 
+    def role(self, options: Mapping[str, object]) -> dict[str, Any]:
+        """Its reader or source, as a table has it."""
+        raise NotImplementedError(f"{type(self).__name__} has no role")
+
     def reset(self) -> None:
-        """*RST: settings are forgotten."""
+        """*RST: settings are forgotten, and what it does ends."""
+        self.it.power_cycle()
         self._kept: dict[str, str] = {}
         self._came: set[str] = set()
 
@@ -113,6 +127,17 @@ class DescribedTwin(ScpiTwin):
             rest: its parameters.
         """
         return self._healthy[name]
+
+    def done(self, place: str, **holes: float) -> None:
+        """Carry out what a command of the table does. Raises `ScpiError` where the table does not allow it."""
+        try:
+            self.it.does(place, Tell(tell=""), holes)
+        except Refused:
+            raise ScpiError(-222) from None
+
+    def told(self, place: str) -> Said:
+        """Contents of the answer to a question of the table."""
+        return self.it.answers(place, Ask(ask=""), {})
 
     def _execute(self, path: str, header: str, rest: str) -> tuple[str, str | None]:
         if not header:
