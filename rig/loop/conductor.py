@@ -43,7 +43,7 @@ from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import Result, Site, resume_run, start_run
 from rig.runs.plans import Plan, plan_of
 from rig.tables.segments import table_of
-from rig.verbs.confirm import Confirmed, First, consider, judge, open_traced
+from rig.verbs.confirm import Confirmed, First, consider, judge, open_traced, traces_kept
 from rig.verbs.confirm.further_plan import procedure_text
 from rig.version import versions
 from rig.who import Operator
@@ -97,6 +97,10 @@ class Conductor:
         Raises:
             RigError: a record could not be made durable, or a file cannot be used; the loop can be resumed.
         """
+        with traces_kept():
+            return self._conducted()
+
+    def _conducted(self) -> Ending:
         if not self._begun:
             self._begin()
         ended = self._first_run() or self._replications() or self._further_runs()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 from rig.bench.bench_file import playing
 from rig.drivers.roles import ByHand, Typing
@@ -135,19 +137,21 @@ def decide(
         return Decision(
             None, f"every effect has one explanation, which is enough by stop_when = 'explained': {words}", settled
         )
-    asked = replace(asked, begins_s=first.begins_s)
+    asked, known = replace(asked, begins_s=first.begins_s), dict[tuple[str, int], Proposal]()
+    considered = partial(considered, known=known)
     if left.runs < 1:
         why = f"{words}; all runs that most_runs permits have been made"
         return Decision(None, why, settled, _for_person(asked, considered))
 
-    def mine(within: First) -> list[Proposal]:
-        runs = considered(within, only=lambda one: permitted(first, one, left.allow), changes=PERSON in left.allow)
+    def mine(within: First, **how: Any) -> list[Proposal]:
+        of_bench = {"only": lambda one: permitted(first, one, left.allow), "changes": PERSON in left.allow}
+        runs = considered(within, **of_bench, **how)
         return [run for run in propose(runs) if permitted(first, run.variation, left.allow)]
 
     runs = mine(asked)
     short = [run for run in runs if run.hours <= left.most_h]
     if runs and not short:
-        short = [run for run in mine(replace(asked, most_h=left.most_h)) if run.hours <= left.most_h]
+        short = [run for run in mine(replace(asked, most_h=left.most_h), known={}) if run.hours <= left.most_h]
     time = duration(3600.0 * max(left.hours, 0.0))
     if not runs:
         why = f"{words}; no run that the bench makes by itself would decide it"

@@ -11,7 +11,7 @@ import pytest
 from proving.crashes.loops import CrashedLoop, Evaluations
 from rig.loop import open_program
 from rig.loop.left_over import left_over
-from rig.verbs.confirm import Confirmed, judge, open_traced
+from rig.verbs.confirm import Confirmed, consider, first, judge, open_traced, proposals, traces_kept
 
 
 @pytest.fixture(scope="module")
@@ -72,3 +72,32 @@ def test_an_effect_that_only_a_further_run_shows_is_named(monkeypatch: pytest.Mo
     said = left_over(told.first, with_error(told, 2.5))
     assert said.endswith(f"{told.path.name} shows sensitivity-temperature (by the other runs: confirmed)")
     assert asked == [(own, (told.first.path,), True)]
+
+
+# --- work that is done once -------------------------------------------------------------------------------------------
+
+
+def test_the_same_run_is_traced_once_in_a_session_of_a_loop(told: Confirmed, monkeypatch: pytest.MonkeyPatch):
+    """Calibration, certificate and report begin with the trace that the decisions had."""
+    traced: list[Path] = []
+    monkeypatch.setattr(first, "trace_table", lambda table, **_: traced.append(Path(table.source)) or told.first.traced)
+    with traces_kept():
+        open_traced(told.first.path)
+        open_traced(told.first.path)
+        assert len(traced) == 1
+        open_traced(told.path)
+        assert len(traced) == 2
+    open_traced(told.first.path)
+    assert len(traced) == 3
+
+
+def test_the_best_run_of_a_kind_is_chosen_once_for_a_decision(told: Confirmed, monkeypatch: pytest.MonkeyPatch):
+    known: dict[tuple[str, int], Any] = {}
+    alone = consider(told.first, only=lambda one: one.varies == "again", changes=False, known=known)
+    assert {key[0] for key in known} == {one.variation.what for one in alone}
+    chosen: list[str] = []
+    best = proposals.best
+    monkeypatch.setattr(proposals, "best", lambda *asked: chosen.append(asked[1][0].what) or best(*asked))
+    everything = consider(told.first, changes=False, known=known)
+    assert {one.variation.what for one in alone} <= {one.variation.what for one in everything}
+    assert not {one.variation.what for one in alone} & set(chosen)

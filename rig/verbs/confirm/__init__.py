@@ -2,7 +2,7 @@
 
 from rig.verbs.confirm.answers import Confirmed, chance, ends, evidence, following, judge, sentences, sizes, unfit
 from rig.verbs.confirm.calibration import fit_confirmed, with_confirmed
-from rig.verbs.confirm.first import First, open_traced
+from rig.verbs.confirm.first import First, open_traced, traces_kept
 from rig.verbs.confirm.further_plan import plan_for, procedure_text
 from rig.verbs.confirm.proposal import SURE, Proposal
 from rig.verbs.confirm.proposals import (
@@ -37,6 +37,7 @@ __all__ = [
     "propose",
     "sentences",
     "sizes",
+    "traces_kept",
     "unfit",
     "unlikely",
     "with_confirmed",

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -121,6 +124,32 @@ def check_way(path: Path, *, dry: bool, rehearsed: bool, world: bool) -> None:
         )
 
 
+_TRACED: ContextVar[dict[tuple[Any, ...], Traced] | None] = ContextVar("traces", default=None)
+
+
+@contextmanager
+def traces_kept() -> Iterator[None]:
+    """A context in which the same columns of the same run file, with the same options, are traced once."""
+    token = _TRACED.set({})
+    try:
+        yield
+    finally:
+        _TRACED.reset(token)
+
+
+def _traced(path: Path, table: Table, options: Mapping[str, Any]) -> Traced:
+    kept = _TRACED.get()
+    if kept is None:
+        return trace_table(table, **options)
+    columns = hashlib.sha256()
+    for name, values in table.columns.items():
+        columns.update(name.encode() + values.tobytes())
+    key = path.resolve(), columns.digest(), *sorted(options.items())
+    if key not in kept:
+        kept[key] = trace_table(table, **options)
+    return kept[key]
+
+
 def open_traced(path: Path, read: Callable[[Path], Table] = run_table, /, **options: Any) -> First:
     """Trace a run.
 
@@ -142,7 +171,7 @@ def open_traced(path: Path, read: Callable[[Path], Table] = run_table, /, **opti
     reason = kind.cannot_confirm(table, kind.trace_options(**options))
     if reason:
         raise UsageError(f"{path}: {reason}")
-    traced, live = trace_table(table, **options), plan.bench.live
+    traced, live = _traced(path, table, options), plan.bench.live
     confirming = kind.confirming(traced)
     if confirming is None:
         raise UsageError(f"{path}: no further run is made of {kind.title}")

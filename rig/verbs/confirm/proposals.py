@@ -26,6 +26,7 @@ def consider(
     *,
     only: Callable[[Variation], bool] = lambda _: True,
     changes: bool = True,
+    known: dict[tuple[str, int], Proposal] | None = None,
 ) -> tuple[Proposal, ...]:
     """The most informative run per cost of every kind; the best of all first.
 
@@ -36,8 +37,15 @@ def consider(
         choice: how the points of runs are chosen; None for whole designs only.
         only: whether a variation is considered.
         changes: whether changes by a person are considered.
+        known: the best run of each kind of runs, by its name and their number, of the same questions, where it was
+            computed before; what is computed here is added.
     """
-    groups = {best(first, group, choice): group for group in groups_of(first, only)}
+    known = {} if known is None else known
+    groups = {}
+    for group in groups_of(first, only):
+        key = group[0].what, len(group)
+        known[key] = known[key] if key in known else best(first, group, choice)
+        groups[known[key]] = group
     proposals = ordered(groups)
     if not changes:
         return tuple(proposals)
