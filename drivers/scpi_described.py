@@ -52,6 +52,7 @@ class DescribedTalk(TextTalk):
     """Lines of text, with numbers as the bench file describes them."""
 
     options: ScpiOptions
+    number_form: re.Pattern[str]
     numbers: frozenset[str] = frozenset()
     """Questions whose answer has the instrument's number."""
 
@@ -65,7 +66,7 @@ class DescribedTalk(TextTalk):
     def printed_in(self, question: str, answer: str) -> tuple[str, float]:
         """The number in an answer as printed, and its value. Raises `BadReply`, also for another unit after it."""
         options = self.options
-        found, digits, form = options.number_pattern.fullmatch(answer), options.digits, options.number
+        found, digits, form = self.number_form.fullmatch(answer), options.digits, options.number
         number, unit = unit_after(found[1]) if found is not None else ("", "")
         if found is not None and digits and not re.fullmatch(digits, number, re.ASCII):
             raise self.line.bad_reply(question, answer, f"a number of the form {digits!r}")
@@ -93,7 +94,7 @@ class Described(Remembering):
         self.table = table_of(options, self._roles())  # type: ignore[misc]  # of one instance
         settings = (options.baud, options.frame, options.flow_at(address))
         talk = DescribedTalk(self.table, self.name, address, settings, {}, wires, self._clock)
-        talk.options = options
+        talk.options, talk.number_form = options, options.number_pattern
         talk.numbers = frozenset(line(text) for key in self.numbers if (text := getattr(options, key)))
         return talk
 

@@ -1,7 +1,7 @@
 """A digital voltmeter (DVM), or another meter with one input, that the bench file describes: any maker's.
 
-Options: docs/how_to/own_instrument.md; an example: `examples/voltmeter-lab/bench.toml`. How a driver of its own is added:
-`drivers/__init__.py`.
+Options: docs/how_to/own_instrument.md; an example: `examples/voltmeter-lab/bench.toml`. How a driver of its own is
+added: `drivers/__init__.py`.
 
 It is started and fetched as the bench file says. Readings are recognised by a number in the service request mask where
 the instrument allows that, as in `rig.drivers.scpi`.

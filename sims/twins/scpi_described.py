@@ -9,6 +9,7 @@ The twin shows whether a bench file is consistent. Whether it is right shows the
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any, ClassVar
 
 from rig.contracts.declared.exchanges import Ask, Tell
@@ -24,6 +25,7 @@ __all__ = ["DescribedTwin", "Wait"]
 _STATUS = compiled(tuple(row for row in COMMON if row.header not in ("SYSTem:REMote", "SYSTem:RWLock", "SYSTem:LOCal")))
 _QUESTIONS = ("fetch", "setpoint", "read", "output", "settled")
 """Options with a question, which may be compound: `:FETC?;:STAT?`."""
+_ASK, _TELL = Ask(ask=""), Tell(tell="")  # of a number that needs no form
 _SWITCH = {"ON": "1", "OFF": "0"}
 _ENDS = {"lf": b"\n", "cr": b"\r", "crlf": b"\r\n"}
 
@@ -33,7 +35,8 @@ def header(line: str) -> str:
     return ";".join(name for name, _ in units(line))
 
 
-def units(line: str) -> list[tuple[str, str]]:
+@lru_cache(maxsize=4096)
+def units(line: str) -> tuple[tuple[str, str], ...]:
     """Headers of a line, each with its whole path in upper case and its question mark, and their parameters."""
     found, path = [], ""
     for unit in split_outside(line, ";"):
@@ -43,7 +46,7 @@ def units(line: str) -> list[tuple[str, str]]:
             name = name[1:] if name.startswith(":") else path + name
             path = name[: name.rfind(":") + 1]
         found.append((name, rest.strip()))
-    return found
+    return tuple(found)
 
 
 class DescribedTwin(ScpiTwin):
@@ -131,13 +134,13 @@ class DescribedTwin(ScpiTwin):
     def done(self, place: str, **holes: float) -> None:
         """Carry out what a command of the table does. Raises `ScpiError` where the table does not allow it."""
         try:
-            self.it.does(place, Tell(tell=""), holes)
+            self.it.does(place, _TELL, holes)
         except Refused:
             raise ScpiError(-222) from None
 
     def told(self, place: str) -> Said:
         """Contents of the answer to a question of the table."""
-        return self.it.answers(place, Ask(ask=""), {})
+        return self.it.answers(place, _ASK, {})
 
     def _execute(self, path: str, header: str, rest: str) -> tuple[str, str | None]:
         if not header:
