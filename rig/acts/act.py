@@ -43,6 +43,7 @@ class Act(BaseModel):
         moves: whether something may move after it: it is then confirmed once more.
         again: whether the password is asked for again.
         slow: whether it takes seconds of a processor: a server does it in a process of its own.
+        proposes: whether it commands nothing and decides nothing, so that a language model may do it (`rig mcp`).
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True)
@@ -52,13 +53,23 @@ class Act(BaseModel):
     moves: ClassVar[bool] = False
     again: ClassVar[bool] = False
     slow: ClassVar[bool] = False
+    proposes: ClassVar[bool] = False
 
     def __init_subclass__(
-        cls, *, act: str, role: Role = "operator", moves: bool = False, again: bool = False, slow: bool = False
+        cls,
+        *,
+        act: str,
+        role: Role = "operator",
+        moves: bool = False,
+        again: bool = False,
+        slow: bool = False,
+        proposes: bool = False,
     ) -> None:
         """Register the class; arguments are the attributes of the same names."""
         super().__init_subclass__()
-        cls.name, cls.role, cls.moves, cls.again, cls.slow = act, role, moves, again, slow
+        if proposes and (moves or again):
+            raise TypeError(f"{act} moves or decides something: it is more than a proposal")
+        cls.name, cls.role, cls.moves, cls.again, cls.slow, cls.proposes = act, role, moves, again, slow, proposes
         _ACTS[act] = cls
 
     def will(self, places: Places) -> str:

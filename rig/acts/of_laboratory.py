@@ -24,7 +24,7 @@ WHY = Field("", max_length=500, description="reason")
 _MOST_S = 1800.0
 
 
-class Propose(Act, act="propose", slow=True):
+class Propose(Act, act="propose", slow=True, proposes=True):
     """Run a procedure dry, and propose it with what the dry run shows."""
 
     procedure: str = PROCEDURE

@@ -89,6 +89,11 @@ COMMANDS = {
         "rig.cli.serve",
         "Serve a laboratory: benches, queue, runs, proposals, results, and acts of people who are logged in.",
     ),
+    "mcp": Entry(
+        _PEOPLE,
+        "rig.cli.serve",
+        "Let a language model see a laboratory and propose runs, by the Model Context Protocol.",
+    ),
     "act": Entry(_PEOPLE, "rig.cli.serve", "Do in a laboratory what its pages do, as a person with a password."),
     "person": Entry(
         _PEOPLE,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -54,6 +55,21 @@ def serve(
         announce=lambda text: print(text, flush=True),
         said=lambda words: err.print(escape(words), soft_wrap=True),
     )
+    return ExitCode.DONE
+
+
+@app.command()
+def mcp(lab: Annotated[Path, typer.Argument(help="a folder of the laboratory")] = Path()) -> int:
+    """Let a language model see a laboratory and propose runs, by the Model Context Protocol.
+
+    It speaks on standard input and output, and acts as the program whose token is in `RIG_TOKEN`. It reads, and
+    proposes runs for a person to decide; it starts, answers and approves nothing. It needs the extra `mcp`.
+
+    Example: `rig mcp /srv/laboratory`
+    """
+    from rig.serve.mcp import serve_mcp  # noqa: PLC0415 - few call it
+
+    serve_mcp(laboratory_in(lab), os.environ.get("RIG_TOKEN", ""))
     return ExitCode.DONE
 
 

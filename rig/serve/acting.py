@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from dataclasses import dataclass, field
 
 from anyio import CapacityLimiter, to_thread
 from starlette.exceptions import HTTPException
 
 from rig.acts import Act, Places, Told
-from rig.errors import RigError, UsageError
+from rig.errors import UsageError
 from rig.lab import Person, WrongPassword, by_password, check_role
+from rig.serve.apart import apart
 from rig.serve.sessions import Patience
 from rig.who import Operator
 
@@ -77,28 +75,8 @@ class Acting:
         """Do it. Raises `RigError`."""
         if not act.slow:
             return await to_thread.run_sync(act.carry_out, self.places, by)
-        asked = {"act": act.name, "values": act.model_dump(exclude_none=True), "by": [by.name, by.by]}
-        asked["folder"] = str(self.places.folder)
-        return await to_thread.run_sync(_apart, json.dumps(asked), limiter=self._slow)
+        return await to_thread.run_sync(apart, act, self.places.laboratory, by, limiter=self._slow)
 
 
 _WAIT = "Too many wrong passwords. Wait {:.0f} s."
 _MOST_WAITING = 20
-
-
-def _apart(asked: str) -> Told:
-    """An act in a process of its own (`rig.serve.apart`), which ends what it began even if the server is killed."""
-    command = [sys.executable, "-m", "rig.serve.apart"]
-    done = subprocess.run(
-        command, input=asked, capture_output=True, text=True, timeout=_MOST_S, start_new_session=True, check=False
-    )
-    try:
-        told = json.loads(done.stdout)
-    except ValueError:
-        raise RigError(f"a defect of rig: {done.stderr.strip()[-500:]}") from None
-    if "error" in told:
-        raise UsageError(told["error"])
-    return Told(**told)
-
-
-_MOST_S = 7200.0

@@ -4,15 +4,40 @@ from __future__ import annotations
 
 import contextlib
 import json
+import subprocess
 import sys
 from dataclasses import asdict
 from pathlib import Path
 
-from rig.acts import Places, act_of
-from rig.errors import RigError
+from rig.acts import Act, Places, Told, act_of
+from rig.errors import RigError, UsageError
 from rig.lab import Laboratory
 from rig.procedures.errors import DataError
 from rig.who import Operator
+
+_MOST_S = 7200.0
+
+
+def apart(act: Act, laboratory: Laboratory, by: Operator) -> Told:
+    """Do an act in a process that ends what it began, even if this one is killed. Raises `RigError`."""
+    values = act.model_dump(exclude_none=True)
+    asked = {"act": act.name, "values": values, "by": [by.name, by.by], "folder": str(laboratory.folder)}
+    done = subprocess.run(
+        [sys.executable, "-m", "rig.serve.apart"],
+        input=json.dumps(asked),
+        capture_output=True,
+        text=True,
+        timeout=_MOST_S,
+        start_new_session=True,
+        check=False,
+    )
+    try:
+        told = json.loads(done.stdout)
+    except ValueError:
+        raise RigError(f"a defect of rig: {done.stderr.strip()[-500:]}") from None
+    if "error" in told:
+        raise UsageError(told["error"])
+    return Told(**told)
 
 
 def main() -> None:

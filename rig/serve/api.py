@@ -22,7 +22,7 @@ from rig.lab import Person, WrongPassword, by_token, proven
 from rig.procedures.present.as_json import finite
 from rig.serve.acting import Acting, NotConfirmed
 from rig.serve.asked import address_of, json_of
-from rig.serve.site import Site
+from rig.serve.site import TELLS, Site
 from rig.version import VERSION
 from rig.who import Operator
 
@@ -43,16 +43,12 @@ class Api:
 
     def routes(self) -> list[Route]:
         """All of them."""
-        found = [Route(f"/api/{name}", self._told(tells), methods=["GET"]) for name, tells in self._tells().items()]
+        found = [
+            Route(f"/api/{name}", self._told(tells), methods=["GET"]) for name, tells in self._site.tells().items()
+        ]
         found.append(Route("/api/runs/{name}", self._run, methods=["GET"]))
         found.append(Route("/api/act/{act}", self._act, methods=["POST"]))
         return [*found, Route("/api/openapi.json", lambda _: JSONResponse(openapi()), methods=["GET"])]
-
-    def _tells(self) -> dict[str, Callable[[], Any]]:
-        site = self._site
-        tells: list[Callable[[], Any]] = [site.benches, site.queue, site.runs, site.proposals]
-        tells.append(lambda: _plain(site.equipment()))
-        return dict(zip(_TELLS, tells, strict=True))
 
     def _told(self, tells: Callable[[], Any]) -> Callable[[Request], Awaitable[Response]]:
         async def answer(request: Request) -> Response:
@@ -63,11 +59,10 @@ class Api:
 
     async def _run(self, request: Request) -> Response:
         await self._who(request)
-        feed = self._site.shelf.feed(request.path_params["name"])
-        if feed is None:
+        found = await to_thread.run_sync(self._site.run, request.path_params["name"])
+        if found is None:
             raise HTTPException(404, "there is no such run")
-        await to_thread.run_sync(feed.refresh)
-        return JSONResponse(finite({**feed.view(), "story": feed.lines(0)}))
+        return JSONResponse(finite(found))
 
     async def _act(self, request: Request) -> Response:
         login, person, by_word = await self._who(request)
@@ -111,20 +106,6 @@ class Api:
         raise HTTPException(401, "a token, Authorization: Bearer TOKEN, or a login and password, Authorization: Basic")
 
 
-def _plain(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows without what only pages need."""
-    return [{key: value for key, value in row.items() if key not in ("date", "tone")} for row in rows]
-
-
-_TELLS = {
-    "benches": "Benches: state, what runs, since when, until when.",
-    "queue": "The queue.",
-    "runs": "Runs and loops, the newest first.",
-    "proposals": "Proposals, with their dry runs, hashes and decisions.",
-    "equipment": "Equipment and items, with due dates.",
-}
-
-
 def openapi() -> dict[str, Any]:
     """The API in the words of OpenAPI 3.1, made from the acts."""
     said = {"description": "a sentence, and values", "content": {"application/json": {"schema": {"type": "object"}}}}
@@ -139,7 +120,7 @@ def openapi() -> dict[str, Any]:
     answers = {"200": said, "401": errors["401"]}
     tells: dict[str, Any] = {
         f"/api/{name}": {"get": {"operationId": name, "summary": words, "responses": answers}}
-        for name, words in _TELLS.items()
+        for name, words in TELLS.items()
     }
     named = [{"name": "name", "in": "path", "required": True, "schema": {"type": "string"}}]
     words = "All contents of the page of a run."

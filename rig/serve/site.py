@@ -25,6 +25,14 @@ from rig.watch import Shelf
 _FRESH_S = 0.9
 SOON_DAYS = 30
 Link = tuple[str, str]
+TELLS = {
+    "benches": "Benches: state, what runs, since when, until when.",
+    "queue": "The queue.",
+    "runs": "Runs and loops, the newest first.",
+    "proposals": "Proposals, with their dry runs, hashes and decisions.",
+    "equipment": "Equipment and items, with due dates.",
+}
+"""What programs may ask, with the words of its description."""
 
 
 @dataclass
@@ -261,6 +269,20 @@ class Site:
                     if entry.due is not None and (entry.asset, "equipment") not in rows:
                         rows[name, of_bench] = _row(name, of_bench, "", entry.due, today)
         return sorted(rows.values(), key=lambda row: (row["date"] is None, row["date"] or today, row["what"]))
+
+    def tells(self) -> dict[str, Callable[[], Any]]:
+        """What programs may ask, by the names of `TELLS`."""
+        tells: list[Callable[[], Any]] = [self.benches, self.queue, self.runs, self.proposals]
+        tells.append(lambda: [{k: v for k, v in row.items() if k not in ("date", "tone")} for row in self.equipment()])
+        return dict(zip(TELLS, tells, strict=True))
+
+    def run(self, name: str) -> dict[str, Any] | None:
+        """All contents of the page of a run; None if there is none of this name."""
+        feed = self.shelf.feed(name)
+        if feed is None:
+            return None
+        feed.refresh()
+        return {**feed.view(), "story": feed.lines(0)}
 
     def documents(self, folder: str, *forms: str) -> list[dict[str, str]]:
         """Files of a folder with these endings, the newest first."""
