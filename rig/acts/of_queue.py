@@ -17,7 +17,12 @@ from rig.who import Operator
 
 PROCEDURE = Field(description="procedure file", json_schema_extra={"of": "procedures"})
 BENCH = Field(description="bench file", json_schema_extra={"of": "benches"})
+HOURS = Field(None, gt=0, le=1000, description="as a loop of this many hours; empty: a single run")
 ITEM = Field(ge=1, description="number of the item")
+
+
+def _loop(hours: float | None) -> list[str]:
+    return [] if hours is None else ["--hours", f"{hours:g}"]
 
 
 def _add(places: Places, asked: Queued) -> Told:
@@ -32,6 +37,7 @@ class Dry(Act, act="dry-run"):
 
     procedure: str = PROCEDURE
     bench: str = BENCH
+    hours: float | None = HOURS
     priority: int = Field(0, ge=-1000, le=1000, description="a larger one comes first")
 
     def carry_out(self, places: Places, by: Operator) -> Told:
@@ -45,10 +51,10 @@ class Dry(Act, act="dry-run"):
             places,
             Queued(
                 item=0,
-                command="run",
+                command="run" if self.hours is None else "loop",
                 procedure=str(procedure),
                 bench=str(bench),
-                options=options,
+                options=[*options, *_loop(self.hours)],
                 priority=self.priority,
                 then="go on",
                 who=by.name,
@@ -61,13 +67,14 @@ class Start(Act, act="start", moves=True):
     """Run a proposal on its real bench, through the queue, after its dry run and its approval if it needs one."""
 
     proposal: int = Field(ge=1, description="number of the proposal")
+    hours: float | None = HOURS
     priority: int = Field(0, ge=-1000, le=1000, description="a larger one comes first")
 
     def will(self, places: Places) -> str:
         """Which bench moves. Raises `UsageError` if it may not."""
         asked = self._checked(places)
-        hours = asked.dry.get("hours")
-        return f"{asked.bench} carries out {asked.procedure} on its real instruments: they move, for about {hours} h."
+        hours = f"about {asked.dry.get('hours')} h" if self.hours is None else f"up to {self.hours:g} h, as a loop"
+        return f"{asked.bench} carries out {asked.procedure} on its real instruments: they move, for {hours}."
 
     def carry_out(self, places: Places, by: Operator) -> Told:
         """Check everything again, and add it."""
@@ -77,9 +84,10 @@ class Start(Act, act="start", moves=True):
             places,
             Queued(
                 item=0,
-                command="run",
+                command="run" if self.hours is None else "loop",
                 procedure=str(procedure),
                 bench=str(bench),
+                options=_loop(self.hours),
                 priority=self.priority,
                 who=by.name,
                 who_by=by.by,
@@ -97,6 +105,8 @@ class Start(Act, act="start", moves=True):
             raise UsageError(f"the dry run of proposal {self.proposal} was not complete: nothing is started by it")
         if proposal.state in ("declined", "used"):
             raise UsageError(f"proposal {self.proposal} is {proposal.state}: propose it again")
+        if plan.needs_approval and self.hours is not None:
+            raise UsageError("the further runs of a loop are approved by nobody: start it as a single run")
         plan.permission()
         return asked
 

@@ -134,7 +134,7 @@ def _checked(what: str, bench: Path | None, *, dry: bool, world: Path | None) ->
 
     if not what or bench is None:
         raise UsageError("rig queue add needs a procedure file and --bench")
-    load_plan(Path(what), bench, dry=dry, world=world)
+    load_plan(Path(what), bench, dry=dry, world=world).permission()
     return Path(what)
 
 

@@ -29,8 +29,10 @@ from rig.who import Operator
 _LOG = "log.sqlite"
 _MOST_FILES, _MOST_TEXT, _MOST_BYTES = 500, 200_000, 4 << 20
 _SECRET = re.compile(
-    r"""(?s)\b((?:password|token|secret)["']?\s*=\s*)(\"{3}.*?\"{3}|'{3}.*?'{3}|"[^"\n]*"|'[^'\n]*')"""
+    r"""(?is)(\b[\w-]*(?:password|token|secret|api_?key|url)[\w-]*["']?\s*=\s*)"""
+    r"""(\"{3}.*?\"{3}|'{3}.*?'{3}|"[^"\n]*"|'[^'\n]*')"""
 )
+"""Keys whose values stay out of the log: secrets, and addresses and names of variables where people write secrets."""
 
 
 @dataclass

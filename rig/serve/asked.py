@@ -6,11 +6,13 @@ import json
 from typing import Any
 from urllib.parse import parse_qsl
 
+import anyio
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
 _MOST_BYTES = 64 << 10
 _MOST_FIELDS = 50
+_MOST_S = 10.0
 
 
 async def body_of(request: Request, kind: str) -> bytes:
@@ -19,10 +21,14 @@ async def body_of(request: Request, kind: str) -> bytes:
     if given != kind:
         raise HTTPException(415, f"send {kind}")
     found = bytearray()
-    async for part in request.stream():
-        found += part
-        if len(found) > _MOST_BYTES:
-            raise HTTPException(413, f"at most {_MOST_BYTES >> 10} kB")
+    try:
+        with anyio.fail_after(_MOST_S):  # a body that trickles would hold its connection for ever
+            async for part in request.stream():
+                found += part
+                if len(found) > _MOST_BYTES:
+                    raise HTTPException(413, f"at most {_MOST_BYTES >> 10} kB")
+    except TimeoutError:
+        raise HTTPException(408, f"send it within {_MOST_S:.0f} s", {"connection": "close"}) from None
     return bytes(found)
 
 

@@ -80,7 +80,13 @@ def test_the_log_says_who_when_what_before_what_after(lab: Path):
     text = (lab / "equipment.toml").read_text()
     typed("log", cwd=lab)
     (lab / "equipment.toml").write_text(text.replace('"B. Head"', '"C. Head"', 1))
-    (lab / "notify.toml").write_text('[mail]\npassword = "very secret"\n')
+    secrets = (
+        'password = "very secret"',
+        "url_env = 'very secret'",
+        'x = { Token="very secret" }',
+        'api-url="very secret"',
+    )
+    (lab / "notify.toml").write_text("\n".join(secrets) + '\nsecret = """\nvery secret\n"""\n')
     told = json.loads(typed("log", "--json", cwd=lab).stdout)["records"]
     changed = next(one for one in told if one["file"] == "equipment.toml" and one["before"])
     assert [line[0] for line in changed["lines"]] == ["-", "+"]

@@ -504,6 +504,33 @@ def test_two_keys_and_no_replay(server: Server, anna: Visitor, ben: Visitor):
     assert (changed.status, "changed after its dry run" in changed.text) == (409, True)
 
 
+def test_a_loop_is_started_as_a_run_is_but_never_on_a_bench_with_two_keys(server: Server, anna: Visitor, ben: Visitor):
+    anna.acts("dry-run", procedure="small.toml", bench="bench.toml", hours="2.5")
+    number = proposed(server)
+    asked = anna.acts("start", proposal=number, hours=3)
+    assert "up to 3 h, as a loop" in asked.text
+    assert "was added" in anna.acts("start", proposal=number, hours=3, confirm="yes").text
+    items = open_queue(server.folder / "runs" / "queue.sqlite")[1].items.values()
+    assert [one.asked.command for one in items] == ["loop", "loop"]
+    assert [list(one.asked.options)[-2:] for one in items] == [["--hours", "2.5"], ["--hours", "3"]]
+    bench = server.folder / "bench.toml"
+    bench.write_text("approval = true\n" + bench.read_text())
+    number = proposed(server)
+    ben.acts("approve", proposal=number, password=WORD["ben"])
+    assert "approved by nobody" in anna.acts("start", proposal=number, hours=3, confirm="yes").text
+    queue = ("queue", "add", "small.toml", "--bench", "bench.toml")
+    assert typed(*queue, cwd=server.folder).returncode == 0  # approved
+    bench.write_text(bench.read_text() + "\n")
+    assert "is of another bench.toml" in typed(*queue, cwd=server.folder).stderr
+
+
+def test_a_body_that_trickles_is_given_up(anna: Visitor):
+    with patch("rig.serve.asked._MOST_S", 0.05):
+        headers = {"cookie": anna.cookie, "content-type": FORM}
+        answer = anna.server.ask("/act/pause", method="POST", headers=headers, body=b"csrf=", more=True)
+    assert answer.status == 408
+
+
 def test_an_item_of_the_queue_has_the_person_who_added_it(anna: Visitor):
     assert "item 1" in anna.acts("dry-run", procedure="small.toml", bench="bench.toml").text
     (item,) = open_queue(anna.server.folder / "runs" / "queue.sqlite")[1].items.values()

@@ -46,9 +46,13 @@ def ask(
     headers: dict[str, str] | None = None,
     body: bytes = b"",
     client: str = "127.0.0.1",
+    more: bool = False,
     until: Callable[[Answer], bool] = lambda _: False,
 ) -> Answer:
-    """Ask once; a stream that does not end is left as soon as `until` is true of what has come."""
+    """Ask once; a stream that does not end is left as soon as `until` is true of what has come.
+
+    With `more` the body never ends.
+    """
     parts = urlsplit(f"http://x{address}" if address.startswith("/") else address)
     given = {"host": host, **(headers or {})}
     scope = {
@@ -75,7 +79,7 @@ def ask(
             nonlocal sent
             if not sent:
                 sent = True
-                return {"type": "http.request", "body": body, "more_body": False}
+                return {"type": "http.request", "body": body, "more_body": more}
             await gone.wait()
             return {"type": "http.disconnect"}
 
