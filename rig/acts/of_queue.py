@@ -6,6 +6,7 @@ from pydantic import Field
 
 from rig.acts.act import Act, Told
 from rig.acts.places import Places
+from rig.bench.config import parse_toml
 from rig.errors import UsageError
 from rig.lab.proposals import known
 from rig.queue import Item
@@ -74,7 +75,9 @@ class Start(Act, act="start", moves=True):
         """Which bench moves. Raises `UsageError` if it may not."""
         asked = self._checked(places)
         hours = f"about {asked.dry.get('hours')} h" if self.hours is None else f"up to {self.hours:g} h, as a loop"
-        return f"{asked.bench} carries out {asked.procedure} on its real instruments: they move, for {hours}."
+        simulated = parse_toml(asked.documents["bench.toml"], asked.bench).get("simulated") is True
+        kind = "simulated" if simulated else "real"
+        return f"{asked.bench} carries out {asked.procedure} on its {kind} instruments: they move, for {hours}."
 
     def carry_out(self, places: Places, by: Operator) -> Told:
         """Check everything again, and add it."""

@@ -81,7 +81,9 @@ class Site:
 
     def _read_benches(self) -> list[dict[str, Any]]:
         entries = self.shelf.entries()
-        _, queue = self.places.queue()
+        file, queue = self.places.queue()
+        folders = {file.folder_of(number): item.bench for number, item in queue.items.items()}
+        started = {name: folders[path.parent] for name, path in self.places.runs().items() if path.parent in folders}
         found = []
         for name, path in self.places.benches().items():
             try:
@@ -89,7 +91,8 @@ class Site:
                 title, problem, approval = config.name, "", config.approval
             except RigError as error:
                 title, problem, approval = name, str(error), False
-            own = [one for one in entries if one.bench == title]
+            # Two benches may have one name: a run of the queue belongs to the bench file of its item.
+            own = [one for one in entries if started.get(one.name, str(path)) == str(path) and one.bench == title]
             work = [self._at_work(one.name) for one in own if one.running]
             waiting = [one for one in queue.waiting if one.bench == str(path)]
             last = next((one for one in own if not one.running), None)
