@@ -87,10 +87,6 @@ class AttitudeTraced:
         """Blocks for people."""
         return show_attitude_trace(self.table, self.to_json(), self.outcomes)
 
-    def summary(self) -> Iterator[Block]:
-        """All of it: there are few sensors."""
-        return self.blocks()
-
     def page(self) -> Page:
         """Its report."""
         from rig.procedures.attitude.report import trace_page  # noqa: PLC0415 - plots take a second to import

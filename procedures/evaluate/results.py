@@ -121,9 +121,6 @@ class Traced(Protocol):
     def blocks(self) -> Iterable[Block]:
         """Blocks for people."""
 
-    def summary(self) -> Iterable[Block]:
-        """A short form for many sensors."""
-
     def page(self) -> Page:
         """Its report."""
 

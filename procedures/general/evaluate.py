@@ -51,6 +51,7 @@ class GeneralTraced:
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig trace --json`."""
         data = {"file": Path(self.table.source).name, "points": len(self.table), "kind": "general"}
+        data |= {"simulated": self.table.simulated, **self.table.provenance}
         used = used_columns(self.roles, self.parts) - set(self._untested)
         unused = unused_columns(self.table, used, self._spared()).to_json()
         return run_json(data, [self.outcome], unused=unused)
@@ -63,10 +64,6 @@ class GeneralTraced:
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
         return show_general_trace(self.to_json(), self.outcome)
-
-    def summary(self) -> Iterator[Block]:
-        """All of it: there is one response."""
-        return self.blocks()
 
     def page(self) -> Page:
         """Its report."""

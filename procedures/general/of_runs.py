@@ -252,10 +252,6 @@ class RunTraced:
                 f"and the declared one is not"
             )
 
-    def summary(self) -> Iterator[Block]:
-        """All of it."""
-        return self.blocks()
-
     def page(self) -> Page:
         """The report of all sensors."""
         from rig.procedures.general.report import trace_page  # noqa: PLC0415 - plots take a second to import

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rig.fitter.rounding import with_error
 from rig.fitter.trace.outcome import Outcome
 from rig.procedures.evaluate.before_after import compared
-from rig.procedures.present.blocks import Block, Grid, Line, Paragraph
+from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, simulated_mark
 from rig.procedures.present.effects_shown import show_certificate, show_effect, show_unnamed
 from rig.procedures.present.gross_shown import show_gross, show_left_out
 from rig.procedures.present.numbers import number
@@ -23,7 +23,7 @@ _MOST_CORRELATED = 6
 
 def show_general_trace(result: Mapping[str, Any], outcome: Outcome) -> Iterator[Block]:
     """Error before and after, the effects found, the remainder, and the roles of columns."""
-    yield Line(f"[bold]{escape(result['data']['file'])}[/]: {result['data']['points']} rows")
+    yield _first(result["data"], result["data"]["file"])
     for name, found in result["sensors"].items():
         yield Line(
             f"[bold]{escape(name)}[/] (declared {escape(found['declared'])}): [bold]{escape(verdict_of(found))}[/]",
@@ -41,10 +41,14 @@ def show_general_trace(result: Mapping[str, Any], outcome: Outcome) -> Iterator[
         yield from show_certificate(found)
 
 
+def _first(data: Mapping[str, Any], file: str) -> Line:
+    return Line(f"{simulated_mark(data['simulated'])}[bold]{escape(file)}[/]: {data['points']} rows")
+
+
 def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
     """Coefficients with standard errors and degrees of freedom, and the underlying errors."""
     title = f"{escape(result['response'])} ~ {escape(result['formula'])}"
-    yield Line(f"[bold]{escape(file)}[/]: {result['data']['points']} rows")
+    yield _first(result["data"], file)
     table = Grid(("term", "estimate", "standard error", "df"), title=title)
     for name, value in result["coefficients"].items():
         table.add_row(escape(name), *with_error(value["estimate"], value["stderr"], least=8), number(value["df"], 4))

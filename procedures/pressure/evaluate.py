@@ -21,10 +21,8 @@ from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.effects.scene import PressureEffect
 from rig.procedures.pressure.figures import effect_figures
-from rig.procedures.pressure.fitted import Declared, alive, fit_whole_plots
+from rig.procedures.pressure.fitted import Declared, alive
 from rig.procedures.pressure.shown import (
-    show_whole_plot_findings,
-    show_whole_plot_summary,
     show_whole_plot_trace,
 )
 from rig.procedures.pressure.table import KNOWN, UNIT
@@ -62,11 +60,6 @@ class WholePlotTraced:
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
         return show_whole_plot_trace(self.table, self.to_json(), self.outcomes)
-
-    def summary(self) -> Iterator[Block]:
-        """Errors in use by method, and one or two sentences per transducer."""
-        yield from show_whole_plot_summary(fit_whole_plots(self.table).to_json())
-        yield from show_whole_plot_findings(self.to_json())
 
     def page(self) -> Page:
         """Its report."""

@@ -113,21 +113,6 @@ def _kept(sensor: Mapping[str, Any]) -> Grid:
     return table
 
 
-def show_whole_plot_findings(result: Mapping[str, Any]) -> Iterator[Block]:
-    """One or two lines per transducer: findings, in words."""
-    for name, sensor in result["sensors"].items():
-        yield Line(f"[bold]{sensor['verdict']}[/]  {escape(sensor['sentence'])}", wrapped=True)
-        for effect in sensor["effects"]:
-            if effect["aliases"]:
-                yield Line(
-                    f"  {name}: {effect['effect']} is confounded with {', '.join(effect['aliases'])} in these data",
-                    wrapped=True,
-                )
-        for note in sensor["notes"]:
-            if "left out do not confirm" in note or note.startswith("not confirmed"):
-                yield Line(f"  [yellow]{name}: {escape(note)}[/]")
-
-
 def show_whole_plot_trace(table: Table, result: Mapping[str, Any], outcomes: Sequence[Outcome]) -> Iterator[Block]:
     """A short table per transducer: error before and after, and the effects found."""
     yield headline(result["data"]["file"], table)

@@ -210,8 +210,7 @@ class Commands(TyperGroup):
 app = typer.Typer(
     name="rig",
     cls=Commands,
-    no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     rich_markup_mode="markdown",
     pretty_exceptions_enable=False,
     help="Runs calibration experiments overnight, survives crashes, fits the data, and traces the residual to the "

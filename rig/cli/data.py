@@ -17,6 +17,7 @@ from rig.cli.show import err, out, print_json, show_notes, show_result, write_re
 from rig.cli.table_options import DecimalOption, EncodingOption, HeaderOption, SeparatorOption
 from rig.errors import ExitCode, UsageError
 from rig.files.atomic import check_files, check_format
+from rig.procedures.evaluate.in_short import in_short
 from rig.procedures.evaluate.results import Traced
 from rig.procedures.kind import Kind
 from rig.procedures.present.shell import shell_word
@@ -95,6 +96,7 @@ def trace(
     data: Annotated[
         list[Path], typer.Argument(help="a run file, or a CSV table; several runs of one bench", show_default=False)
     ],
+    full: Annotated[bool, typer.Option("--full", help="every number and sentence, not one screen")] = False,
     as_json: JsonOption = False,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
     separator: SeparatorOption = None,
@@ -128,7 +130,7 @@ def trace(
     if as_json:
         show_result(found, as_json=True)
     else:
-        _show_trace(found.kind, found.traced)
+        _show_trace(found.kind, found.traced, full=full)
         show_notes(found)
     return ExitCode.DONE
 
@@ -166,9 +168,11 @@ def _seen(source: FileSource, command: str, given: dict[str, Any], *, as_json: b
     return True
 
 
-def _show_trace(kind: Kind, traced: Traced) -> None:
+def _show_trace(kind: Kind, traced: Traced, *, full: bool) -> None:
     """Show the findings, and how to confirm them if a run can be made."""
-    show(traced.blocks(), out)
+    show(traced.blocks() if full else in_short(traced), out)
+    if not full:
+        out.print("\nmore: --full; with plots: --report FILE.html")
     found = any(finding.kind == "effect" for outcome in traced.outcomes for finding in outcome.findings)
     if found and "run_id" in traced.table.provenance and kind.confirming(traced) is not None:
         out.print(

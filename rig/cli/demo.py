@@ -90,6 +90,7 @@ def demo(
     """
     from rig.by_kind import trace_table  # noqa: PLC0415
     from rig.examples import example  # noqa: PLC0415
+    from rig.procedures.evaluate.in_short import in_short  # noqa: PLC0415
     from rig.tables import run_table  # noqa: PLC0415
     from rig.verbs.write_page import write_page  # noqa: PLC0415
 
@@ -122,7 +123,7 @@ def demo(
     if as_json:
         print_json(traced.to_json())
     else:
-        terminal.show(traced.summary(), out)
+        terminal.show(in_short(traced), out)
         out.print(f"Report: {escape(str(report))}", soft_wrap=True)
     return ExitCode.DONE
 

@@ -78,19 +78,21 @@ def check_code(state: RunState, run_file: Path) -> ExitCode:
 
 def list_runs(folder: Path, *, as_json: bool, check: bool) -> int:
     """Show the runs of a folder, newest first. With `check` the code is that of the first incomplete one."""
-    paths = sorted((one for one in folder.glob("*.sqlite") if one.name != "queue.sqlite"), key=_changed, reverse=True)
-    if not paths:
+    found = rows_of(folder)
+    if not found:
         raise UsageError(f"there are no run files in {folder}")
-    rows, codes = [], []
-    for path in paths:
-        row, code = _row(path)
-        rows.append(row)
-        codes.append(code)
+    rows, codes = [row for row, _ in found], [code for _, code in found]
     if as_json:
         print_json(rows)
     else:
         _show(rows)
     return next((code for code in codes if code), ExitCode.DONE) if check else ExitCode.DONE
+
+
+def rows_of(folder: Path) -> list[tuple[dict[str, Any], int]]:
+    """Each run and loop of a folder, newest first, and its exit code for `--check`."""
+    paths = sorted((one for one in folder.glob("*.sqlite") if one.name != "queue.sqlite"), key=_changed, reverse=True)
+    return [_row(path) for path in paths]
 
 
 def _changed(path: Path) -> float:

@@ -91,7 +91,7 @@ def test_the_command_line_says_it_of_every_parameter(table):
     assert "degC, the mean of the run (22." in plain.stdout
     assert "no temperature in the model" in plain.stdout
     report = table.parent / "report.html"
-    traced = rig("trace", table, "--temperature", "--report", report)
+    traced = rig("trace", table, "--temperature", "--full", "--report", report)
     assert "parameters hold at 27." in traced.stdout
     assert "parameters hold at 27." in report.read_text()
 

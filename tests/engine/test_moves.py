@@ -44,7 +44,7 @@ def test_a_table_says_when_each_setting_was_left_and_which_it_was(first):
 
 
 def test_a_late_response_is_named_alone_with_its_size_and_constant(first):
-    told = rig("trace", first).stdout
+    told = rig("trace", first, "--full").stdout
     assert "setting-lag:flow_kg_per_min" in told
     assert "direction:" not in told
     size, tau = map(

@@ -94,7 +94,9 @@ def test_columns_of_several_words(rig, table):
 
 
 def test_text_tells_what_was_taken_for_what(rig, table):
-    code, printed, complaint = rig("trace", table, "--response", "y", "--formula", "1 + x", "--ignore", "temp_c")
+    code, printed, complaint = rig(
+        "trace", table, "--response", "y", "--formula", "1 + x", "--ignore", "temp_c", "--full"
+    )
     assert code == 0, complaint
     assert "drift:t_s" in printed
     assert "t_s is used as the time" in printed

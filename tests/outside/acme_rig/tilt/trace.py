@@ -154,10 +154,6 @@ class TiltTraced:
                 yield from show_effect(effect)
             yield from show_certificate(found)
 
-    def summary(self) -> Iterator[Block]:
-        """All of it."""
-        return self.blocks()
-
     def page(self) -> Page:
         """Its report."""
         sensors = [{**found, "s": effects_part(found, {})} for found in self._sensors()]

@@ -1,0 +1,98 @@
+"""A trace on one screen: error before and after, what was found, how sure it is, and what is next."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.markup import escape
+
+from rig.procedures.evaluate.before_after import compared
+from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, headline
+from rig.procedures.present.words import chance, constants_of, instead, share, unnamed
+
+if TYPE_CHECKING:
+    from rig.fitter.trace.outcome import Outcome
+    from rig.procedures.evaluate.results import Traced
+
+_OF_METHOD = ("standard errors of the effects are conditional", "left-out error: ", "no sign and no largest size")
+"""Beginnings of notes about the method, which are the same for every run."""
+
+
+def in_short(traced: Traced) -> Iterator[Block]:
+    """The short form of a trace of any kind."""
+    told = traced.to_json()
+    yield headline(told["data"]["file"], traced.table)
+    if isinstance(model := told["data"].get("model"), Mapping):
+        yield Line(escape(model["sentence"]))
+    for name, why in told.get("left_out", {}).items():
+        yield Line(f"[red]{escape(name)} is left out:[/] it {escape(why)}")
+    sensors = told["sensors"]
+    yield _errors(traced.outcomes)
+    yield from _effects(sensors)
+    for name, sensor in sensors.items():
+        rest = [*unnamed(sensor), instead(sensor), *(one["sentence"] for one in sensor.get("refused") or ())]
+        yield from (Paragraph(f"[yellow]{escape(name)}: {escape(text)}[/]", 2) for text in rest if text)
+    for shared in told.get("common", ()):
+        yield Paragraph(escape(shared["sentence"]), 2)
+    if missing := told.get("not_traced"):
+        yield Paragraph(
+            f"not traced: {escape(', '.join(missing))}; a trace needs a model that is linear in its coefficients", 2
+        )
+    yield from _once([note for one in sensors.values() for note in one["notes"] if not note.startswith(_OF_METHOD)])
+    yield from _once([line for one in sensors.values() for line in _next(one)])
+
+
+def _errors(outcomes: Sequence[Outcome]) -> Grid:
+    """First error of every sensor, and that of rows left out, before and after."""
+    every = [[row for row in compared(one) if not row.in_reports] for one in outcomes]
+    labels = list(dict.fromkeys(row.label for rows in every for row in rows if row is rows[0] or _left_out(row.label)))
+    grid = Grid(("", "", *map(escape, labels)))
+    for outcome, rows in zip(outcomes, every, strict=True):
+        by_label = {row.label: row for row in rows}
+        cells = [f"{by_label[one].before} -> {by_label[one].after}" if one in by_label else "" for one in labels]
+        grid.add_row(escape(outcome.sensor), escape(outcome.verdict), *cells)
+    return grid
+
+
+def _left_out(label: str) -> bool:
+    return label.startswith("left-out error")
+
+
+def _effects(sensors: Mapping[str, Any]) -> Iterator[Block]:
+    """Every effect once, with its cause; below it its size in each sensor that has it."""
+    found: dict[str, list[tuple[str, Any]]] = {}
+    for name, sensor in sensors.items():
+        for effect in sensor["effects"]:
+            found.setdefault(effect["effect"], []).append((name, effect))
+    for effect, every in found.items():
+        aliases = [" or ".join(one["aliases"]) for _, one in every]
+        alike = len(set(aliases)) == 1
+        name = f"[green]{escape(effect)}[/]{_or(aliases[0]) if alike else ''}"
+        yield Paragraph(f"{name}: {escape(every[0][1]['cause'])}", 2)
+        for (sensor, one), others in zip(every, aliases, strict=True):
+            interval = f" (95 %: {escape(one['size_95'])})" if one["size_95"] else ""
+            of_all = "" if one["stratum"] == "noise" else f", {share(one)}"
+            found_as = f"{escape(one['size'])}{interval}{of_all}, p {chance(one)}{'' if alike else _or(others)}"
+            constants = "".join(f", {escape(words)}" for words in constants_of(one))
+            yield Paragraph(f"{escape(sensor)}: {found_as}{constants}", 4)
+            if one["doubtful"]:
+                yield Paragraph(f"[yellow]doubtful: {escape(one['doubtful'])}[/]", 6)
+
+
+def _or(others: str) -> str:
+    return f" or {escape(others)}" if others else ""
+
+
+def _next(sensor: Mapping[str, Any]) -> Iterator[str]:
+    for effect in sensor["effects"]:
+        if effect["stratum"] != "noise" and effect["separate_by"]:
+            measure = str(effect["separate_by"]).split("; ")[0]  # without how much it would show in this sensor
+            others = ", ".join(effect["aliases"])
+            what = f"tell {effect['effect']} from {others}" if others else f"confirm {effect['effect']}"
+            yield f"to {what}: {measure}"
+
+
+def _once(lines: Sequence[str]) -> Iterator[Block]:
+    """Lines that several sensors share stand once."""
+    yield from (Paragraph(f"[dim]{escape(line)}[/]", 2) for line in dict.fromkeys(lines))
