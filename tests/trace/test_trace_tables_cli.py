@@ -61,7 +61,7 @@ def test_json_report_and_keys(rig, table, tmp_path):
     code, printed, complaint = rig("trace", table, *DECLARED, "--time", "t_s", "--report", page, "--json")
     assert code == 0, complaint
     result = json.loads(printed)
-    assert result["data"] == {"file": "cells.csv", "points": 120, "kind": "general"}
+    assert result["data"] == {"file": "cells.csv", "points": 120, "kind": "general", "simulated": False}
     found = result["sensors"]["y"]
     assert {"declared", "verdict", "before", "effects", "after", "unnamed", "notes", "fitted", "sentence"} <= set(found)
     assert any("no sign and no largest size is asked" in note for note in found["notes"])
