@@ -317,9 +317,12 @@ def main() -> int:
     for kind in asked.kind or KINDS:
         began = stopwatch()
         with ProcessPoolExecutor(asked.jobs) as pool:
-            told = list(pool.map(one_loop, itertools.repeat(kind), seeds))
-        for seed, one in zip(seeds, told, strict=True):
-            print(f"  {kind} {seed}: found {one.found}, {one.verdict} ({one.holds}), bench hours {one.hours:.2f}")
+            told = []
+            for seed, one in zip(seeds, pool.map(one_loop, itertools.repeat(kind), seeds), strict=True):
+                told.append(one)
+                both = "".join(f"{int(later)}{int(every)}" for _, later, every in one.held) or "-"
+                result = f"{one.verdict} ({one.holds}), held {both}, bench hours {one.hours:.2f}"
+                print(f"  {kind} {seed}: found {one.found}, {result}", flush=True)
         before = [one.before for one in told if one.before is not None]
         after = [one.after for one in told if one.after is not None]
         words = ("right", "part", "wrong", "open", "no further run")

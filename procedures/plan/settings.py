@@ -84,10 +84,10 @@ class LoopSettings(Strict):
         description="in what a further run may differ from the first: the same again, another order, other settings, "
         "another temperature, longer waits; with person, also runs in which somebody has to do something",
     )
-    stop_when: Literal["explained", "confirmed"] = Field(
+    stop_when: Literal["explained", "confirmed", "alone"] = Field(
         "confirmed",
         description="explained: no further run once every effect has one explanation; confirmed: only once a further "
-        "run has shown it, too",
+        "run has shown it, too; alone: only once a second cause beside it is excluded, too, which takes hours",
     )
 
     @field_validator("until")

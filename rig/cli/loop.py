@@ -85,7 +85,7 @@ def loop(
 
     The first line printed is the program file's path, NAME.loop.sqlite: `rig resume` continues it after a crash. Bounds
     are in [loop] of the procedure. Exit code 0: nothing was found, or one explanation remains for every effect; 3:
-    closed, and something is open or a further run ended by a fault; others as of `rig run`.
+    closed, and something is open, error is left, or a further run ended by a fault; others as of `rig run`.
 
     Examples: `rig loop procedure.toml --bench bench.toml --until 07:00`, `rig loop --continue FILE --hours 3`
     """

@@ -9,7 +9,7 @@ from typing import Any
 
 from rig.bench.bench_file import playing
 from rig.drivers.roles import ByHand, Typing
-from rig.fitter.confirm import NOTHING
+from rig.fitter.confirm import NOTHING, Confirmation
 from rig.procedures.plan.further_runs import Variation
 from rig.procedures.plan.settings import LoopSettings
 from rig.procedures.present.durations import duration
@@ -127,10 +127,10 @@ def decide(
         return Decision(None, "the trace of the first run found nothing that would have to be confirmed", settled=True)
     settled = told is not None and told.settled
     asked = first if told is None else following(told)
-    if asked is None:
-        assert told is not None  # there are questions
-        verdicts = "; ".join(f"{one.effect}: {one.verdict}" for one in told.answers)
+    if told is not None and (asked is None or (settled and bounds.stop_when != "alone")):
+        verdicts = "; ".join(f"{one.effect}: {one.verdict}{_beside(one)}" for one in told.answers)
         return Decision(None, f"no question is open: {verdicts}", settled=settled)
+    assert asked is not None  # there are questions
     words = open_words(asked)
     alone = all(sum(not member.near for member in one.members) == 1 for one in asked.questions)
     if bounds.stop_when == "explained" and alone:
@@ -171,6 +171,12 @@ def decide(
         return Decision(None, why, settled, _for_person(asked, considered))
     said = f"and settles everything with {best.least.chance:.0%}" if best.likely else f"and {_settles(best)}"
     return Decision(best, f"{words}; {what} {said} ({gain:.2f} per hour)", settled)
+
+
+def _beside(answer: Confirmation) -> str:
+    """Causes that may be there beside the confirmed one, in brackets; "" without one of a notable size."""
+    parts = " and ".join(f"{one.effect} up to {one.up_to:.0%} of it" for one in answer.minor_causes)
+    return f" (beside it may be {parts}; stop_when = 'alone' would go on)" if parts else ""
 
 
 def _for_person(asked: First, considered: Considers) -> tuple[Proposal, ...]:

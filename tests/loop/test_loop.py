@@ -22,6 +22,7 @@ from rig.engine.gap import Gap
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import BenchFault, BusyError, ConfigurationError, ExitCode, UsageError
 from rig.examples import example
+from rig.fitter.confirm.minor_causes import MinorCause
 from rig.instruments.locks import locked_addresses
 from rig.loop import continue_loop, findings_of_runs, open_program, resume_loop, start_loop, timeline
 from rig.loop.decide import Left, decide
@@ -32,7 +33,7 @@ from rig.run_file.state.state import RunState
 from rig.run_file.verify.verification import verify_file
 from rig.runs.controller import Site, opened
 from rig.runs.plans import load_plan
-from rig.verbs.confirm import open_traced
+from rig.verbs.confirm import judge, open_traced
 
 FILES = {"signals": Signals(), "on_progress": lambda _: None, "told": Silent()}
 
@@ -196,6 +197,7 @@ def test_a_further_run_that_faults_closes_the_loop_with_what_it_has(how: str, tm
 
 
 def test_a_changed_bench_or_procedure_is_refused(tmp_path: Path, evaluations: Evaluations):
+    evaluations.forecast()  # its rehearsal writes as well, on a worker where no other test has made it
     with Disk(seed=5, default=True) as disk:
         loop = CrashedLoop(tmp_path, evaluations)
         disk.crash_at(35)
@@ -362,3 +364,24 @@ def test_resume_refuses_a_run_file(night: CrashedLoop):
     program = open_program(night.path)
     with pytest.raises(UsageError, match="is a run file, not the program file of a loop"):
         resume_loop(program.file_of(program.runs[0]), **FILES)
+
+
+@pytest.mark.parametrize(("stop_when", "goes_on"), [("confirmed", False), ("alone", True)])
+def test_a_confirmed_cause_is_enough_and_a_second_one_beside_it_is_told(
+    stop_when: str, goes_on: bool, first: Any, night: CrashedLoop, evaluations: Evaluations, monkeypatch: Any
+):
+    """Before, a loop went on for hours to exclude small second causes."""
+    with night.watched():
+        told = judge(first, *open_program(night.path).further)
+    (answer,) = told.answers
+    beside = replace(answer, minor_causes=(MinorCause("third-order:input_V", 0.35),))
+    told = replace(told, judged=replace(told.judged, answers=(beside,)))
+    monkeypatch.setattr("rig.loop.decide.following", lambda _: first)
+    decision = decide(first, told, BOUNDS.model_copy(update={"stop_when": stop_when}), AMPLE, evaluations.consider)
+    assert (decision.run is not None) is goes_on
+    if not goes_on:
+        assert decision.settled
+        assert decision.why == (
+            "no question is open: range-step:input_V: confirmed (beside it may be third-order:input_V up to 35% of it; "
+            "stop_when = 'alone' would go on)"
+        )
