@@ -82,19 +82,41 @@ class Report(Act, act="report", slow=True):
 
     def carry_out(self, places: Places, by: Operator) -> Told:
         """Call `rig trace`, so that the report is the one of the command line."""
-        run, folder = places.run(self.run), places.folder / "reports"
-        folder.mkdir(exist_ok=True)
-        report = folder / f"{run.name.removesuffix('.sqlite')}.html"
-        command = [sys.executable, "-m", "rig", "trace", str(run), "--report", str(report)]
-        try:
-            done = subprocess.run(
-                command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_MOST_S, check=False
-            )
-        except subprocess.TimeoutExpired:
-            raise RigError(f"the report of {self.run} took more than {_MOST_S / 60:.0f} min: call rig trace") from None
-        if not report.exists() or done.returncode not in (0, 3):
-            raise UsageError(done.stderr.strip().removeprefix("rig: ")[-2000:] or "there is no report")
-        return Told(f"the report of {self.run} is written", page=f"file/reports/{report.name}")
+        return _written(places, self.run, "trace", "--report", f"reports/{_stem(places, self.run)}.html")
+
+
+class Calibrate(Act, act="calibrate", slow=True):
+    """Fit the declared model to a run, and write the calibration."""
+
+    run: str = RUN
+
+    def will(self, places: Places) -> str:
+        """Which run. Raises `UsageError` if there is no such one."""
+        return f"{places.run(self.run).name} is fitted."
+
+    def carry_out(self, places: Places, by: Operator) -> Told:
+        """Call `rig fit`, so that the calibration is the one of the command line."""
+        return _written(places, self.run, "fit", "--out", f"calibrations/{_stem(places, self.run)}.json")
+
+
+def _stem(places: Places, run: str) -> str:
+    return places.run(run).name.removesuffix(".sqlite")
+
+
+def _written(places: Places, run: str, verb: str, option: str, name: str) -> Told:
+    """Call a verb on a run that writes a file of the laboratory. Raises `RigError`."""
+    path = places.folder / name
+    path.parent.mkdir(exist_ok=True)
+    command = [sys.executable, "-m", "rig", verb, str(places.run(run)), option, str(path)]
+    try:
+        done = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_MOST_S, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise RigError(f"rig {verb} of {run} took more than {_MOST_S / 60:.0f} min") from None
+    if not path.exists() or done.returncode not in (0, 3):
+        raise UsageError(done.stderr.strip().removeprefix("rig: ")[-2000:] or f"rig {verb} wrote nothing")
+    return Told(f"{name} is written", {"file": name}, f"file/{name}")
 
 
 class Sign(Act, act="sign", role="approver", again=True, slow=True):

@@ -79,7 +79,7 @@ class Places:
         """Reports, certificates and calibrations, the newest first, by their path in the folder; no links."""
         patterns = [
             f"{folder}*.{form}"
-            for folder in ("reports/", "certificates/", "runs/", "runs/*/")
+            for folder in ("reports/", "calibrations/", "certificates/", "runs/", "runs/*/")
             for form in ("html", "pdf", "xml", "json")
         ]
         found = self._newest(*patterns)

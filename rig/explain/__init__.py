@@ -33,6 +33,7 @@ TOPICS: Mapping[str, Topic] = {
     "procedure": Topic("keys of procedure.toml, by kind", "explain.file_keys", "procedure"),
     "equipment": Topic("keys of equipment.toml, the register", "explain.file_keys", "equipment"),
     "certificate": Topic("keys of certificate.toml", "explain.file_keys", "certificate"),
+    "people": Topic("keys of people.toml, which rig person writes", "explain.file_keys", "people"),
     "instruments": Topic("options of each driver, for bench.toml", "explain.file_keys", "instruments"),
     "instrument-file": Topic("keys of the file of an instrument of your own", "explain.file_keys", "instrument_file"),
     "declared": Topic(

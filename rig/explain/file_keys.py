@@ -17,6 +17,7 @@ from rig.bench.config import BenchConfig
 from rig.bench.plugins import driver_class, installed
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.instrument import Channel, Errors, Instrument, Mark, Reader, Source, Wire
+from rig.lab import People
 from rig.procedures.kinds import kinds
 from rig.register import Register
 from rig.verbs.certificate.settings import CertificateSettings
@@ -35,6 +36,11 @@ def equipment() -> str:
 def certificate() -> str:
     """Keys of `certificate.toml`."""
     return _joined("## certificate.toml", *_tables(CertificateSettings, "", {}))
+
+
+def people() -> str:
+    """Keys of `people.toml`."""
+    return _joined("## people.toml", *_tables(People, "", {}))
 
 
 def procedure() -> str:

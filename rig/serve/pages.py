@@ -214,7 +214,10 @@ class LaboratoryPages:
         folders = {
             "Reports": [*self._site.documents("reports/", "html"), *self._site.documents("runs/", "html")],
             "Certificates": self._site.documents("certificates/", "pdf", "html", "xml"),
-            "Calibrations": self._site.documents("runs/", "json"),
+            "Calibrations": [
+                *self._site.documents("calibrations/", "json"),
+                *(one for one in self._site.documents("runs/", "json") if one["name"].endswith(".calibration.json")),
+            ],
         }
         return self._shown("results.html.j2", session, "/results", folders=folders)
 
@@ -258,7 +261,7 @@ class LaboratoryPages:
         except UsageError as error:
             why = str(error) if posted else ""
             return self._form(known, session, told, why, status=422 if posted else 200)
-        if not posted and any(one.needed and not one.value for one in told):
+        if not posted and any(one.name not in form for one in told):
             return self._form(known, session, told)
         try:
             await self._acting.checked(act, session.login, session.person, confirmed=confirmed)

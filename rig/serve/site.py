@@ -153,7 +153,7 @@ class Site:
         elif not state["ended"]:
             links.append((act("resume", run=name), "Resume"))
         if state["accepted"] and not is_loop(path) and not state["running"]:
-            links.append((act("report", run=name), "Report"))
+            links += [(act("report", run=name), "Report"), (act("calibrate", run=name), "Calibration")]
             if state["ended"]:
                 links.append((act("sign", run=name), "Certificate"))
         return links

@@ -18,6 +18,7 @@ from rig.contracts.declared.instrument import Instrument
 from rig.engine.states import TRANSITIONS, State
 from rig.errors import ExitCode, UsageError
 from rig.explain import TOPICS, explained
+from rig.lab import People
 from rig.procedures.attitude.effects.catalogue import CATALOGUE
 from rig.procedures.general.effects import TABLE_CATALOGUE
 from rig.procedures.general.models import standard_models
@@ -63,6 +64,7 @@ WANTED = {
     "bench": keys_of_model(BenchConfig),
     "equipment": keys_of_model(Register),
     "certificate": keys_of_model(CertificateSettings),
+    "people": keys_of_model(People),
     "procedure": set().union(*(keys_of_model(one) for one in SETTINGS)) | {f'kind = "{name}"' for name in kinds()},
     "instruments": {
         key

@@ -103,7 +103,8 @@ def test_a_night_without_a_terminal(lab: Path):
             anna.call("act/done", run=run, confirm=True)
         anna.until("queue", lambda found: {one["state"] for one in found["items"]} == {"stopped", "done"})
         path = next(lab.glob(f"runs/queue-1/{run}.sqlite"))
-        assert anna.call("act/report", run=run)["said"] == f"the report of {run} is written"
+        assert anna.call("act/report", run=run)["said"] == f"reports/{run}.html is written"
+        assert json.loads((lab / anna.call("act/calibrate", run=run)["file"]).read_text())
         assert "anna" in (lab / "reports" / f"{run}.html").read_text()
         assert anna.call("act/sign", run=run)["status"] == 403
         signed = ben.call("act/sign", run=run)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import re
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping
@@ -605,3 +606,61 @@ def test_a_program_sends_json_only(server: Server, token: str):
     for kind, body in (("text/plain", b"{}"), ("application/json", b"["), ("application/json", b"[1]")):
         headers = {"authorization": f"Bearer {token}", "content-type": kind}
         assert server.ask("/api/act/pause", method="POST", headers=headers, body=body).status in (400, 415)
+
+
+ODD = [
+    "",
+    "0",
+    "-1",
+    "1e999",
+    "NaN",
+    "9" * 400,
+    "\x00",
+    "\ud800",
+    "é",
+    "../..",
+    "%00",
+    "null",
+    "true",
+    "[]",
+    "{}",
+    SCRIPT,
+]
+
+
+def test_whatever_is_asked_nothing_unforeseen_happens(server: Server, ben: Visitor, token: str):
+    """Random addresses, fields and bodies by somebody who may nearly everything; any exception fails."""
+    rng = random.Random(20261129)
+    number = proposed(server)
+    known = ["small.toml", "bench.toml", "1", str(number), "none"]
+    paths = [path for path, _ in every_route(server)] + [f"/act/{name}" for name in NAMES]
+    statuses = set()
+    for _ in range(600):
+        path, name = rng.choice(paths), rng.choice(sorted(NAMES))
+        if rng.random() < 0.6:
+            path, fields = f"{rng.choice(['', '/api'])}/act/{name}", dict.fromkeys(NAMES[name].model_fields, "")
+        else:
+            path, fields = path.replace("1", quote(rng.choice([*ODD, *known]), errors="replace")), {"odd": ""}
+        fields = {one: rng.choice(rng.choice([ODD, known])) for one in fields if rng.random() < 0.9}
+        if NAMES[name].slow or path in ("/logout", "/login"):
+            continue
+        if rng.random() < 0.3:
+            fields["confirm"] = rng.choice(["yes", "no"])
+        method = rng.choice(["GET", "POST"])
+        if path.startswith("/api/"):
+            typed_ = {
+                one: rng.choice([value, 1, 1.5, None, [], {}, True, "small.toml"]) for one, value in fields.items()
+            }
+            body = json.dumps(typed_)
+            headers = {"authorization": f"Bearer {token}", "content-type": "application/json"}
+            answer = server.ask(path, method=method, headers=headers, body=body.encode("utf-8", "replace"))
+        else:
+            body = urlencode({**fields, "csrf": ben.csrf, "password": WORD["ben"]}, errors="replace")
+            address = path if method == "POST" else f"{path}?{body}"
+            headers = {"cookie": ben.cookie, "content-type": FORM}
+            how: dict[str, Any] = {"until": lambda answer: "event: live" in answer.text}
+            answer = server.ask(address, method=method, headers=headers, body=body.encode(), **how)
+        statuses.add(answer.status)
+        assert answer.status < 500, (method, path, fields)
+        assert "<script>alert" not in answer.text or path.startswith("/api/"), (method, path)
+    assert {200, 404, 405, 409, 422} <= statuses

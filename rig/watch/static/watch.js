@@ -117,7 +117,7 @@ function showState(state) {
     todo.dataset.said = wanted;
     todo.replaceChildren(node("span", state.running ? "To let it go on: " : `${state.said} Carry on with: `), node("code", state.todo));
   }
-  at("said").hidden = !state.running;
+  at("said").hidden = !state.running || (todo.hidden && state.todo !== ""); // it speaks of the command
   write("said", state.running ? state.said : "");
   at("problem").hidden = !state.error;
   write("problem", state.error);
