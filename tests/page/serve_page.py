@@ -167,6 +167,7 @@ def test_two_keys_in_two_sessions(lab: Path, tmp_path: Path) -> None:
         anna.clicks("main a.act")
         anna.looks("proposal")
         anna.goes("/act/start?proposal=1")
+        anna.clicks("main button.go")
         assert "proposal 1 of exactly these files is waiting" in anna.text
         anna.clicks("header .who button")
         ben.logs_in("ben")
@@ -182,6 +183,8 @@ def test_two_keys_in_two_sessions(lab: Path, tmp_path: Path) -> None:
         assert "Approved by Ben (ben)" in ben.text
         ben.looks("proposal-approved")
         ben.goes("/act/start?proposal=1")
+        ben.looks("act-start-form")
+        ben.clicks("main button.go")
         assert "they move" in ben.text
         ben.looks("act-start")
         page.ask("document.querySelector('main .buttons a').focus()")
