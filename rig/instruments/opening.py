@@ -118,7 +118,8 @@ class Bench:
             if PER in unit and PER not in own:
                 raise ConfigurationError(
                     f"{what}; a ratio is read by a meter that gives it: name one as the reader, such as a scpi-meter "
-                    f'with unit = "{unit}" (docs/how_to/own_instrument.md); {reader} can record the output in {own} alone'
+                    f'with unit = "{unit}" (docs/how_to/own_instrument.md); {reader} can record the output in {own} '
+                    f"alone"
                 )
             raise ConfigurationError(f'{what}; write unit = "{own}", or that with another prefix')
         return found

@@ -16,6 +16,7 @@ from types import SimpleNamespace
 import pytest
 from command import rig
 from dry import LAB
+from foreign_instruments import BENCH, Foreign
 from small_run import write_small
 from test_notify import Hook, serving
 
@@ -392,3 +393,22 @@ def test_a_due_date_that_the_register_states_is_found_there(tmp_path):
     assert told["calibration of x"] == "is due on 2999-01-01"
     assert told["calibration of operator"].startswith("was due on 2020-06-01")
     assert told["calibration of lamp"] == "no due date in the bench file or its register of equipment"
+
+
+def test_an_instrument_that_is_not_the_one_of_the_register_is_told_before_the_night(tmp_path):
+    """It was found when the certificate was refused, after the night."""
+    it = Foreign()
+    try:
+        text = BENCH.format(ports=it.ports, meter='asset = "D-1"', source="")
+        (tmp_path / "bench.toml").write_text(text)
+        entry = '[equipment.D-1]\nmodel = "3458A"\n'
+        (tmp_path / "equipment.toml").write_text(f'name = "r"\n[laboratory]\nname = "l"\naddress = "a"\n{entry}')
+        done = rig("doctor", "--bench", tmp_path / "bench.toml", "--json")
+        (tmp_path / "equipment.toml").write_text((tmp_path / "equipment.toml").read_text().replace("3458A", "DAQ-34"))
+        right = rig("doctor", "--bench", tmp_path / "bench.toml", "--json")
+    finally:
+        it.close()
+    found = [one["found"] for one in json.loads(done.stdout)["findings"] if one["check"] == "daq"]
+    assert found[1] == "its model is DAQ 34; the register says 3458A of D-1"
+    assert done.returncode != 0
+    assert len([one for one in json.loads(right.stdout)["findings"] if one["check"] == "daq"]) == 1

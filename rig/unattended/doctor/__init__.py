@@ -6,6 +6,7 @@ It asks every instrument for its identity and changes nothing.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -172,7 +173,10 @@ def _instruments(visit: Visit, patient: _Patient) -> Iterator[Finding]:
         world = visit.world if patient.plan is None else patient.plan.world
         yield from check_twins(patient.config, patient.truth, str(world), known)
     else:
-        yield from check_instruments(patient.config, known, visit.run)
+        register = None
+        with suppress(RigError):  # what is wrong with it is a finding of its own
+            register = _register(visit, patient, patient.config)
+        yield from check_instruments(patient.config, known, visit.run, register)
 
 
 def _calibrations(visit: Visit, patient: _Patient, config: BenchConfig, now_s: float) -> Iterator[Finding]:

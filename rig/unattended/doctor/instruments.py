@@ -21,6 +21,7 @@ from rig.errors import BusyError
 from rig.instruments.locks import locked_addresses
 from rig.procedures.present.shell import shell_word
 from rig.register import Register, stated_of
+from rig.register.likeness import unlike
 from rig.unattended.doctor.addresses import check_addresses
 from rig.unattended.doctor.findings import Finding, ok, problem, warning
 
@@ -28,13 +29,16 @@ Known = Mapping[str, Mapping[str, Any]]
 """Identities in a run file, by instrument."""
 
 
-def check_instruments(config: BenchConfig, known: Known, run_file: Path | None) -> Iterator[Finding]:
+def check_instruments(
+    config: BenchConfig, known: Known, run_file: Path | None, register: Register | None = None
+) -> Iterator[Finding]:
     """Findings about a real bench: addresses, locks, identities.
 
     Args:
         config: the bench file.
         known: identities in the run's last session; {} for a new run.
         run_file: the run to be resumed, for messages.
+        register: with which identities are compared, if there is one.
 
     """
     addresses = dict(check_addresses(config.instruments))
@@ -45,7 +49,7 @@ def check_instruments(config: BenchConfig, known: Known, run_file: Path | None) 
             yield ok("locks", "no other controller of this machine uses these addresses")
             live = config.live
             clock: Clock = ScaledClock(live.speed, live.epoch_utc, live.started_utc) if live else RealClock()
-            yield from ask(config, clock, Wires(clock), known, run_file, leave_out=wanting)
+            yield from ask(config, clock, Wires(clock), known, run_file, register, leave_out=wanting)
     except BusyError as error:
         yield problem("locks", str(error), "stop that controller, or wait for it; nothing was sent to any instrument")
 
@@ -81,6 +85,7 @@ def ask(
     wires: Wires,
     known: Known,
     run_file: Path | None,
+    register: Register | None = None,
     *,
     leave_out: Collection[str] = (),
     twins: bool = False,
@@ -102,6 +107,8 @@ def ask(
                 found = _identity(name, declared, identity, known.get(name), run_file)
                 simulated = twins or config.simulated
                 yield replace(found, found=f"{found.found}; simulated") if simulated else found
+                if register is not None and not simulated:
+                    yield from _of_register(name, declared, identity, register)
                 for said in instrument.remarks() if isinstance(instrument, Remarking) else ():
                     yield warning(name, said, "check whether this is enough (docs/reference/instruments.md)")
     finally:
@@ -128,6 +135,15 @@ def _identity(
         advice = "give it an asset number in the bench file: nothing else distinguishes it from another one"
         return warning(name, text, advice)
     return ok(name, text if found.confirmed else f"{text}; known by asset number {declared.asset}")
+
+
+def _of_register(name: str, declared: InstrumentConfig, found: Identity, register: Register) -> Iterator[Finding]:
+    known = register.equipment.get(declared.asset)
+    key = "" if known is None else unlike(known, found.model, found.serial, confirmed=found.confirmed)
+    if key:
+        told, stated = getattr(found, key), getattr(known, key)
+        advice = "correct the register, or connect that instrument: certificates of the run would be refused"
+        yield problem(name, f"its {key} is {told}; the register says {stated} of {declared.asset}", advice)
 
 
 def check_due(

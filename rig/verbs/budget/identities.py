@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from rig.bench.config import BenchConfig
 from rig.register import Register
 from rig.register.equipment_file import Equipment
+from rig.register.likeness import unlike
 from rig.run_file.events.sessions import Identified
 
 
@@ -15,8 +16,7 @@ def contradicted(
 ) -> Iterator[str]:
     """Instruments that were exchanged in a run, or that are not those of the register: reasons against a certificate.
 
-    A maker is not compared: makers are sold, and their instruments keep the old name. Nothing is compared in a
-    simulated run.
+    Nothing is compared in a simulated run.
 
     Args:
         register: the equipment.
@@ -36,9 +36,9 @@ def contradicted(
             )
         elif simulated:
             continue
-        elif said.model and known.model and not _one_model(said.model, known.model):
+        elif (key_of := unlike(known, said.model or "", said.serial or "", confirmed=said.confirmed)) == "model":
             yield f"{key}.model = {known.model!r}, and in the run {name} said that it is a {said.model!r}: {instead}"
-        elif said.confirmed and said.serial and known.serial not in ("", said.serial):
+        elif key_of:
             yield f"{key}.serial = {known.serial!r}, and in the run {name} reported {said.serial!r}: {instead}"
 
 
@@ -63,9 +63,3 @@ def _pairs(
         known = register.equipment.get(asset)
         if known is not None:
             yield said.instrument, said, asset, known
-
-
-def _one_model(one: str, other: str) -> bool:
-    """Whether two texts may name one model: "34401A" and "HP 34401 A"."""
-    a, b = ("".join(filter(str.isalnum, text)).upper() for text in (one, other))
-    return a in b or b in a
