@@ -12,7 +12,7 @@ import secrets
 from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from rig.bench.config import parse_toml, validated
 from rig.errors import UsageError
@@ -40,6 +40,13 @@ class Person(Strict):
     )
     password: str = Field("", description="argon2id hash, written by `rig person`")
     token: str = Field("", description="SHA-256 of a program's token, written by `rig person`")
+
+    @field_validator("name")
+    @classmethod
+    def _printable(cls, name: str) -> str:
+        if not name.isprintable() or name != name.strip():
+            raise ValueError("a name has printable characters, and none of them is blank at its ends")
+        return name
 
 
 class People(Strict):

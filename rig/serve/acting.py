@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass, field
 
 from anyio import CapacityLimiter, to_thread
 from starlette.exceptions import HTTPException
 
 from rig.acts import Act, Places, Told
-from rig.errors import UsageError
+from rig.errors import RigError, UsageError
 from rig.lab import Person, WrongPassword, by_password, check_role
 from rig.serve.apart import apart
 from rig.serve.sessions import Patience
@@ -72,10 +73,14 @@ class Acting:
             raise NotConfirmed(will)
 
     async def carry_out(self, act: Act, by: Operator) -> Told:
-        """Do it. Raises `RigError`."""
-        if not act.slow:
-            return await to_thread.run_sync(act.carry_out, self.places, by)
-        return await to_thread.run_sync(apart, act, self.places.laboratory, by, limiter=self._slow)
+        """Do it, and log after it which files an editor has changed. Raises `RigError`."""
+        if act.slow:
+            told = await to_thread.run_sync(apart, act, self.places.laboratory, by, limiter=self._slow)
+        else:
+            told = await to_thread.run_sync(act.carry_out, self.places, by)
+        with contextlib.suppress(RigError, OSError):  # the act was done, whether the log can be written or not
+            await to_thread.run_sync(self.places.laboratory.note_changes, by)
+        return told
 
 
 _WAIT = "Too many wrong passwords. Wait {:.0f} s."

@@ -58,6 +58,12 @@ def test_what_is_no_login_is_refused(login: str, lab: Path):
     assert (done.returncode, "is not a login" in done.stderr) == (2, True)
 
 
+@pytest.mark.parametrize("name", ["two\nlines", " blank", "\x1b[31mred", "x" * 81])
+def test_a_name_is_one_printable_line(name: str, lab: Path):
+    add = ("person", "add", "carl", "--name", name, "--login", "olga")
+    assert typed(*add, lines="keeps the list\nnew password\n", cwd=lab).returncode == 78
+
+
 def test_an_unknown_role_changes_nothing(lab: Path):
     before = (lab / "people.toml").read_text()
     add = ("person", "add", "carl", "--name", "Carl", "--roles", "king", "--login", "olga")

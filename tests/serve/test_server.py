@@ -20,6 +20,7 @@ from lab_people import QUICK, WORD, laboratory, typed
 from small_run import write_small
 
 from rig.acts import Act, acts
+from rig.errors import StorageError
 from rig.lab import Laboratory, people
 from rig.lab.proposals import decide, propose
 from rig.queue import open_queue
@@ -479,6 +480,17 @@ def test_what_moves_is_confirmed_once_more(anna: Visitor):
     assert open_queue(anna.server.folder / "runs" / "queue.sqlite")[1].paused
     assert "goes on" in anna.acts("go-on", confirm="yes").text
     assert not open_queue(anna.server.folder / "runs" / "queue.sqlite")[1].paused
+
+
+def test_a_change_by_an_editor_is_found_by_the_next_act_which_a_full_disk_does_not_stop(anna: Visitor):
+    folder = anna.server.folder
+    (folder / "bench.toml").write_text((folder / "bench.toml").read_text() + "\n# changed\n")
+    assert anna.acts("pause").status == 200
+    said = [one.sentence() for one in Laboratory(folder).log().records if one.kind == "laboratory"]
+    assert "bench.toml changed, by an editor, found by Anna (anna)" in said
+    (folder / "bench.toml").write_text((folder / "bench.toml").read_text() + "\n# again\n")
+    with patch("rig.lab.laboratory.Laboratory.note_changes", side_effect=StorageError("the disk is full")):
+        assert anna.acts("go-on", confirm="yes").status == 200
 
 
 def test_two_keys_and_no_replay(server: Server, anna: Visitor, ben: Visitor):
