@@ -16,6 +16,7 @@ from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.parameters import NO_DIRECTION, SCALE, UNIT
 from rig.procedures.attitude.words import little_help
 from rig.procedures.evaluate.before_after import compared
+from rig.procedures.evaluate.front import front
 from rig.procedures.evaluate.results import Page
 from rig.procedures.present.effect_plots import drawn
 from rig.procedures.present.effects_report import effects_part
@@ -118,7 +119,8 @@ def trace_page(
         _sensor(one, result["sensors"][one.sensor], _picture(data, trace.sensors[one.sensor])) for one in outcomes
     ]
     span_s = float(np.ptp(data.elapsed_s))
-    return Page("rig.procedures.attitude", "report.html.j2", table, span_s, result["unused"], {"sensors": sensors})
+    contents = {"front": front(outcomes, result["sensors"]), "sensors": sensors}
+    return Page("rig.procedures.attitude", "report.html.j2", table, span_s, result["unused"], contents)
 
 
 def _sensor(outcome: Outcome, result: Mapping[str, Any], picture: Picture) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
-from rig.procedures.evaluate.before_after import compared
+from rig.procedures.evaluate.front import firsts
 from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, headline
 from rig.procedures.present.words import chance, constants_of, instead, share, unnamed
 
@@ -45,18 +45,12 @@ def in_short(traced: Traced) -> Iterator[Block]:
 
 def _errors(outcomes: Sequence[Outcome]) -> Grid:
     """First error of every sensor, and that of rows left out, before and after."""
-    every = [[row for row in compared(one) if not row.in_reports] for one in outcomes]
-    labels = list(dict.fromkeys(row.label for rows in every for row in rows if row is rows[0] or _left_out(row.label)))
+    labels, every = firsts(outcomes)
     grid = Grid(("", "", *map(escape, labels)))
     for outcome, rows in zip(outcomes, every, strict=True):
-        by_label = {row.label: row for row in rows}
-        cells = [f"{by_label[one].before} -> {by_label[one].after}" if one in by_label else "" for one in labels]
+        cells = ["" if row is None else f"{row.before} -> {row.after}" for row in rows]
         grid.add_row(escape(outcome.sensor), escape(outcome.verdict), *cells)
     return grid
-
-
-def _left_out(label: str) -> bool:
-    return label.startswith("left-out error")
 
 
 def _effects(sensors: Mapping[str, Any]) -> Iterator[Block]:

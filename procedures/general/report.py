@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from rig.fitter.rounding import with_error
 from rig.procedures.evaluate.before_after import compared
+from rig.procedures.evaluate.front import front
 from rig.procedures.evaluate.results import Page
 from rig.procedures.present.effects_report import effects_part
 from rig.procedures.present.pictures import BEFORE_AFTER, dress, side_by_side
@@ -100,7 +101,8 @@ def trace_page(
         common: sentences about effects that all sensors share.
     """
     sensors = [_sensor(name, told["sensors"][name], *one) for name, one in each.items()]
-    contents = {"sensors": sensors, "not_traced": list(not_traced), "common": list(common)}
+    first = front([outcome for _, outcome in each.values()], told["sensors"])
+    contents = {"front": first, "sensors": sensors, "not_traced": list(not_traced), "common": list(common)}
     return Page("rig.procedures.general", "report.html.j2", table, 0.0, told["unused"], contents)
 
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from rig.fitter.rounding import with_error
 from rig.fitter.trace.outcome import Outcome
 from rig.procedures.evaluate.before_after import compared
+from rig.procedures.evaluate.front import front
 from rig.procedures.evaluate.results import Page
 from rig.procedures.present.effect_plots import drawn
 from rig.procedures.present.effects_report import effects_part
@@ -107,6 +108,7 @@ def trace_page(
     """The report of a trace."""
     contents = {
         "whole_plots": len(data.whole_plots),
+        "front": front(outcomes, result["sensors"]),
         "sensors": [
             _transducer(one, result["sensors"][one.sensor], data, trace.sensors[one.sensor]) for one in outcomes
         ],

@@ -1,0 +1,94 @@
+"""The first screen of a report of a trace: one picture and one table for all sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rig.procedures.evaluate.before_after import Compared, compared
+from rig.procedures.present.words import instead, unnamed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from rig.fitter.trace.outcome import Outcome
+
+_BAR = 0.3
+_LONGEST = 1.3
+"""End of the scale: an error that grows more is cut there, and the table has the number."""
+
+
+def firsts(outcomes: Sequence[Outcome]) -> tuple[list[str], list[list[Compared | None]]]:
+    """The first error of every sensor, and that of rows left out: labels, and each sensor's rows, None for none."""
+    every = [[row for row in compared(one) if not row.in_reports] for one in outcomes]
+    wanted = [row.label for rows in every for row in rows if row is rows[0] or row.label.startswith("left-out error")]
+    labels = list(dict.fromkeys(wanted))
+    return labels, [[next((row for row in rows if row.label == one), None) for one in labels] for rows in every]
+
+
+def front(outcomes: Sequence[Outcome], sensors: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of `front.html.j2`.
+
+    Args:
+        outcomes: one per sensor.
+        sensors: JSON of each.
+    """
+    labels, rows = firsts(outcomes)
+    return {
+        "labels": labels,
+        "rows": [
+            {
+                "sensor": one.sensor,
+                "verdict": one.verdict,
+                "cells": [None if row is None else (row.before, row.after) for row in cells],
+                "named": list(_named(sensors[one.sensor])),
+                "open": list(_open(sensors[one.sensor])),
+            }
+            for one, cells in zip(outcomes, rows, strict=True)
+        ],
+        "figure": _picture(outcomes),
+    }
+
+
+def _named(sensor: Mapping[str, Any]) -> Iterator[str]:
+    for effect in sensor["effects"]:
+        if not effect["doubtful"]:
+            yield " or ".join([effect["effect"], *effect["aliases"]])
+
+
+def _open(sensor: Mapping[str, Any]) -> Iterator[str]:
+    for effect in sensor["effects"]:
+        if effect["doubtful"]:
+            yield f"{' or '.join([effect['effect'], *effect['aliases']])}, doubtful"
+    yield from unnamed(sensor)
+    if words := instead(sensor):
+        yield words
+
+
+def _picture(outcomes: Sequence[Outcome]) -> Figure | None:
+    """Bars: the first error of each sensor after, as a share of that before; None where no sensor has both numbers."""
+    shares = {one.sensor: share for one in outcomes if (share := _share(one)) is not None}
+    if not shares:
+        return None
+    from rig.procedures.present.pictures import plots  # noqa: PLC0415 - matplotlib takes a second to import
+
+    figure, axes = plots(1, 1, height=0.9 + _BAR * len(shares))
+    axis, places = axes[0, 0], range(len(shares))
+    figure.subplots_adjust(left=0.18)
+    axis.barh(places, [1.0] * len(shares), color="0.85", height=0.7, label="before")
+    axis.barh(places, [min(v, _LONGEST) for v in shares.values()], color="C0", height=0.7, label="after")
+    axis.set_yticks(list(places), list(shares), fontsize=8)
+    axis.set_xlim(0.0, _LONGEST)
+    axis.set_xlabel("standard error: after, where before is 1", fontsize=9)
+    axis.tick_params(labelsize=8)
+    axis.invert_yaxis()
+    axis.legend(fontsize=7, loc="lower right", frameon=False)
+    return figure
+
+
+def _share(outcome: Outcome) -> float | None:
+    for before, after in zip(outcome.before, outcome.after, strict=True):
+        if before.label and not before.in_reports:
+            known = isinstance(before.value, float) and isinstance(after.value, float) and before.value > 0.0
+            return after.value / before.value if known else None  # type: ignore[operator]
+    return None
