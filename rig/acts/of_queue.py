@@ -10,7 +10,7 @@ from rig.bench.config import parse_toml
 from rig.errors import UsageError
 from rig.lab.proposals import known
 from rig.queue import Item
-from rig.run_file.approval import digests_of
+from rig.run_file.approval import digest_of, digests_of
 from rig.run_file.events.laboratory import Proposed
 from rig.run_file.events.queues import Queued, QueueMoved, QueuePaused, QueueRemoved
 from rig.runs.plans import load_plan
@@ -90,7 +90,7 @@ class Start(Act, act="start", moves=True):
                 command="run" if self.hours is None else "loop",
                 procedure=str(procedure),
                 bench=str(bench),
-                options=_loop(self.hours),
+                options=["--only", digest_of(asked.documents, asked.run_list), *_loop(self.hours)],
                 priority=self.priority,
                 who=by.name,
                 who_by=by.by,

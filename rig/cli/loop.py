@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from rig.cli.commands import app
-from rig.cli.options import JsonOption, OperatorOption
+from rig.cli.options import JsonOption, OnlyOption, OperatorOption
 from rig.cli.progress import run_progress
 from rig.cli.show import err, mark, out, outlive_readers, print_json
 from rig.cli.signals import KillOption, killing, signals
@@ -79,6 +79,7 @@ def loop(
     notify: NotifyOption = None,
     notify_file: NotifyFileOption = None,
     kill_at_point: KillOption = None,
+    only: OnlyOption = "",
     as_json: JsonOption = False,
 ) -> int:
     """Run a procedure, find and confirm what its model lacks by further runs, and calibrate, until a time.
@@ -105,6 +106,10 @@ def loop(
         )
     if procedure is None or bench is None:
         raise UsageError("a loop needs a procedure and --bench, or --continue FILE")
+    if only:
+        from rig.runs.plans import load_plan  # noqa: PLC0415 - of a queue
+
+        load_plan(procedure, bench, dry=dry, world=world).check_only(only)
     return conducted(
         lambda how: start_loop(procedure, bench, out_dir, dry=dry, world=world, **common, **how),
         asked,

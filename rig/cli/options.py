@@ -13,6 +13,7 @@ RunArgument = Annotated[Path, typer.Argument(help="the run file, DIR/ID.sqlite",
 BenchOption = Annotated[Path, typer.Option("--bench", "-b", help="the bench file", show_default=False)]
 ProcedureArgument = Annotated[Path, typer.Argument(help="the procedure file", show_default=False)]
 JsonOption = Annotated[bool, typer.Option("--json", help="print the result as JSON")]
+OnlyOption = Annotated[str, typer.Option("--only", hidden=True, help="SHA-256 of what may run: of items of a queue")]
 OperatorOption = Annotated[
     str | None,
     typer.Option(

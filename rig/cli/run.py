@@ -12,7 +12,7 @@ import typer
 from rich.markup import escape
 
 from rig.cli.commands import app
-from rig.cli.options import BenchOption, OperatorOption, ProcedureArgument, RunArgument
+from rig.cli.options import BenchOption, OnlyOption, OperatorOption, ProcedureArgument, RunArgument
 from rig.cli.progress import run_progress
 from rig.cli.show import err, mark, outlive_readers
 from rig.cli.signals import KillOption, killing, signals
@@ -74,6 +74,7 @@ def run(
     notify: NotifyOption = None,
     notify_file: NotifyFileOption = None,
     kill_at_point: KillOption = None,
+    only: OnlyOption = "",
 ) -> int:
     """Carry out a procedure on a bench.
 
@@ -85,6 +86,7 @@ def run(
     by = operator(operator_name)
     check_added_to(log, [procedure, bench, world, notify_file])
     plan = load_plan(procedure, bench, dry=dry, world=world)
+    plan.check_only(only)
 
     simulated = dry or plan.bench.simulated
     facts = RunFacts(None, "", plan.bench.name, plan.procedure.name, simulated)

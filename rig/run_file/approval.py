@@ -23,6 +23,12 @@ def digests_of(documents: Mapping[str, str]) -> dict[str, str]:
     return {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(kept.items())}
 
 
+def digest_of(documents: Mapping[str, str], run_list: str) -> str:
+    """One SHA-256 of the documents that are approved, and of the run list."""
+    told = "".join(f"{digest}  {name}\n" for name, digest in digests_of(documents).items())
+    return hashlib.sha256(f"{told}{run_list}  run list\n".encode()).hexdigest()
+
+
 @dataclass(frozen=True)
 class Approval:
     """An approval, as a run has it.

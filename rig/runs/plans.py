@@ -19,6 +19,7 @@ from rig.procedures.kind import Completed, Procedure
 from rig.procedures.kinds import kind_of
 from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT, check_register, parse_register, register_beside
+from rig.run_file.approval import digest_of
 from rig.run_file.bodies import shown
 from rig.run_file.events.sessions import Identified
 from rig.runs.certificate_fields import SETTINGS, lacking_beside
@@ -72,6 +73,17 @@ class Plan:
     def needs_approval(self) -> bool:
         """Whether it is a real run on a bench with two keys."""
         return self.bench.approval and not self.dry
+
+    def check_only(self, digest: str) -> None:
+        """Refuse other files than those of which a run was put into a queue; "" for any.
+
+        Raises:
+            ConfigurationError: one was changed meanwhile.
+        """
+        if digest and digest_of(self.documents, self.run_list.sha256()) != digest:
+            raise ConfigurationError(
+                f"{self.path} or a file with it was changed after the run was put into the queue: propose it again"
+            )
 
     def permission(self) -> Permission | None:
         """The permission to run; None if none is needed. Raises `UsageError` if there is none."""

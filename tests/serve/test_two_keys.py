@@ -18,7 +18,7 @@ from rig.engine.session import Outcome, Signals
 from rig.errors import UsageError
 from rig.lab import Laboratory
 from rig.lab.proposals import decide, propose
-from rig.run_file.approval import DOCUMENT, Approval, defect, digests_of
+from rig.run_file.approval import DOCUMENT, Approval, defect, digest_of, digests_of
 from rig.run_file.events.laboratory import Proposed
 from rig.run_file.read.reader import RunReader
 from rig.run_file.verify.verification import verify_file
@@ -202,3 +202,18 @@ def test_the_command_proposes_after_a_dry_run_and_shows_what_it_reached(lab: Pat
     done = typed("approve", 1, "--login", "ben", lines=f"{WORD['ben']}\n", cwd=lab)
     assert "approved by Ben (ben)" in done.stdout
     assert plan_of(lab).permission() is not None
+
+
+def test_an_item_of_a_queue_runs_only_the_files_it_was_made_of(tmp_path: Path):
+    lab = laboratory(tmp_path / "lab", "attitude-lab")
+    write_small(lab)
+    plan = plan_of(lab)
+    only = ("--dry", "--only", digest_of(plan.documents, plan.run_list.sha256()))
+    command = ("small.toml", "--bench", "bench.toml", *only)
+    path = lab / "small.toml"
+    path.write_text(path.read_text() + "\n")
+    for verb in (("run",), ("loop", "--hours", "1")):
+        done = typed(verb[0], *command, *verb[1:], cwd=lab)
+        assert (done.returncode, "was changed after the run was put into the queue" in done.stderr) == (78, True)
+    path.write_text(path.read_text()[:-1])
+    assert typed("run", *command, cwd=lab).returncode == 0
