@@ -7,6 +7,7 @@ from typing import Any
 
 from rich.markup import escape
 
+from rig.engine.early_warning import warnings_in
 from rig.loop.products import errors_before_after
 from rig.loop.program import LoopRun, Program
 from rig.loop.timeline import clock_time
@@ -27,6 +28,9 @@ def blocks(program: Program) -> Iterator[Block]:
             str(run.planned.number), escape(run.planned.what), _outcome(run), took, escape(program.file_of(run).name)
         )
     yield table
+    for run in program.runs:
+        for words in warnings_in(program.file_of(run)):
+            yield Line(f"  [bold yellow]warning, run {run.planned.number}:[/] {escape(words)}", wrapped=True)
     for after in sorted(program.found):
         yield Line(f"  after run {after}: {escape(program.found[after].words)}", wrapped=True)
     pairs = errors_before_after(program)
@@ -81,6 +85,7 @@ def to_json(program: Program) -> dict[str, Any]:
                 "outcome": run.ended.how if run.ended is not None else None,
                 "head": run.ended.head if run.ended is not None else None,
                 "took_s": run.ended.took_s if run.ended is not None else None,
+                "warnings": warnings_in(program.file_of(run)),
             }
             for run in program.runs
         ],

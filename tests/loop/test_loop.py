@@ -24,10 +24,11 @@ from rig.errors import BenchFault, BusyError, ConfigurationError, ExitCode, Usag
 from rig.examples import example
 from rig.fitter.confirm.minor_causes import MinorCause
 from rig.instruments.locks import locked_addresses
-from rig.loop import continue_loop, findings_of_runs, open_program, resume_loop, start_loop, timeline
+from rig.loop import blocks, continue_loop, findings_of_runs, open_program, resume_loop, start_loop, timeline, to_json
 from rig.loop.decide import Left, decide
 from rig.loop.timeline import Timeline, seconds_until
 from rig.procedures.plan.settings import LoopSettings
+from rig.procedures.present.blocks import Line
 from rig.run_file.live import Requests, send_request
 from rig.run_file.state.state import RunState
 from rig.run_file.verify.verification import verify_file
@@ -385,3 +386,12 @@ def test_a_confirmed_cause_is_enough_and_a_second_one_beside_it_is_told(
             "no question is open: range-step:input_V: confirmed (beside it may be third-order:input_V up to 35% of it; "
             "stop_when = 'alone' would go on)"
         )
+
+
+def test_warnings_of_its_runs_are_in_the_status_of_a_loop(copied: Path, monkeypatch: pytest.MonkeyPatch):
+    program = open_program(copied)
+    said = {program.file_of(program.runs[0]): ["emerging: pads in x_V, since replication 2"]}
+    monkeypatch.setattr("rig.loop.shown.warnings_in", lambda path: said.get(path, []))
+    assert [one["warnings"] for one in to_json(program)["runs"]] == [*said.values(), []]
+    lines = [line.text for line in blocks(program) if isinstance(line, Line)]
+    assert any("warning, run 1:" in line and "since replication 2" in line for line in lines)
