@@ -70,6 +70,7 @@ def budget(
             show_default=False,
         ),
     ] = None,
+    full: Annotated[bool, typer.Option("--full", help="the budget of each result, too")] = False,
     report: Annotated[Path | None, typer.Option(help="write a self-contained HTML report", show_default=False)] = None,
     as_json: JsonOption = False,
     *,
@@ -77,9 +78,10 @@ def budget(
 ) -> int:
     """Uncertainty budgets of the results of a run, by its register of equipment.
 
-    Every result has its expanded uncertainty, its effective degrees of freedom and the shares of all influences. An
-    influence is what the register states about an instrument, carried through the whole evaluation of the run. The run
-    is traced: effects that the declared model lacks are a line of the budget of each result that they move.
+    Every result has its expanded uncertainty and its largest influence; with --full its effective degrees of freedom
+    and the shares of all influences. An influence is what the register states about an instrument, carried through the
+    whole evaluation of the run. The run is traced: effects that the declared model lacks are a line of the budget of
+    each result that they move.
     `--monte-carlo` compares the intervals with simulated ones (JCGM 101), and names those that differ.
 
     Example: `rig budget RUN --equipment equipment.toml --at force_kN=2.5`
@@ -101,6 +103,8 @@ def budget(
     if as_json:
         print_json(found.to_json())
     else:
-        show(found.blocks(), out)
+        show(found.blocks(each=full), out)
+        if not full:
+            out.print("\nthe budget of each result: --full; with pictures: --report FILE.html")
     show_notes(found)
     return ExitCode.DONE

@@ -157,7 +157,7 @@ def test_a_prediction_with_the_effects_is_refused_by_fit_with_the_command_that_m
     done = rig("fit", run, "--traced", "--at", "force_kN=2")
     assert done.returncode == 2
     assert "with effects beside it: rig budget RUN --traced --at NAME=VALUE" in done.stderr
-    made = rig("budget", run, "--traced", "--at", "force_kN=2")
+    made = rig("budget", run, "--traced", "--at", "force_kN=2", "--full")
     assert "cell output at force 2 kN" in made.stdout
 
 

@@ -216,6 +216,6 @@ def test_a_run_of_a_flow_in_cubic_metres_per_hour(tmp_path):
     assert "flow_m3_per_h_lo95" in out.read_text().splitlines()[0]
     register = tmp_path / "equipment.toml"
     register.write_text(EQUIPMENT)
-    budget = rig("budget", path, "--equipment", register, "--at", "flow_m3_per_h=20")
+    budget = rig("budget", path, "--equipment", register, "--at", "flow_m3_per_h=20", "--full")
     assert budget.returncode == 0, budget.stderr
     assert "orifice output at flow 20 m3/h" in budget.stdout

@@ -54,8 +54,8 @@ class Budget(Result):
         for one, sensor, check in zip(self.found.budgets, self.found.sensors, checks, strict=True):
             yield {**_json(one, sensor), **({} if check is None else {"simulated": _simulated(check)})}
 
-    def blocks(self) -> Iterable[Block]:
-        """A table of results, and a budget of each."""
+    def blocks(self, *, each: bool = True) -> Iterable[Block]:
+        """A table of results, and a budget of `each`."""
         yield headline(Path(self.found.of.table.source).name, self.found.of.table)
         probability = self.found.budgets[0].coverage_probability
         grid = Grid(("result", "value", "expanded uncertainty", "k", "largest influence"), frame="plain", apart=2)
@@ -69,7 +69,7 @@ class Budget(Result):
         yield Line(f"expanded uncertainties with a coverage probability of {100 * probability:g} %")
         yield grid
         yield from _checks(self.found)
-        for one in self.found.budgets:
+        for one in self.found.budgets if each else ():
             yield from _budget(one)
 
     def notes(self) -> Sequence[str]:
