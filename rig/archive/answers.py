@@ -50,6 +50,13 @@ class Due:
         return min(filter(None, (self.cycle, self.drift.on)), default="")
 
     @property
+    def by(self) -> str:
+        """The source of the date, and what is not known, in words."""
+        if self.on and self.on == self.cycle:
+            return f"its cycle; by drift {self.drift.words}" if self.drift.on else f"its cycle; {self.drift.why}"
+        return f"drift: {self.drift.words}" if self.on else f"no cycle is stated; {self.drift.why}"
+
+    @property
     def only_known_until(self) -> bool:
         """Whether `on` is the end of a forecast in which nothing broke, not a day on which something does."""
         return self.drift.at_least and self.on == self.drift.on != self.cycle

@@ -46,6 +46,14 @@ class Forecast:
     by: str = ""
     why: str = ""
 
+    @property
+    def words(self) -> str:
+        """The date and the result that is due first, and what is not known."""
+        if not self.on:
+            return self.why
+        day = f"not before {self.on}" if self.at_least else self.on
+        return f"{day}: {self.by}{f'; {self.why}' if self.why else ''}"
+
 
 def forecast(history: Sequence[tuple[str, Mapping[str, Any]]]) -> Forecast:
     """When an item is due.

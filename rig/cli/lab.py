@@ -140,7 +140,7 @@ def _due(rows: Sequence[Due], now: date, index: Lab) -> Iterator[Block]:
             "" if days is None else str(days),
             escape(_called(one)),
             escape(f"SIMULATED {last}" if one.simulated else last),
-            escape(_by(one)),
+            escape(one.by),
         )
     yield grid
 
@@ -160,7 +160,7 @@ def _remind(soon: Sequence[Due], now: date, folder: Path) -> None:
     if not soon:
         return
     sends, wrong = senders(read_settings(path), str(path))
-    lines = [f"{_called(one)}: {one.on}, in {_days(one, now)} days; by {_by(one)}" for one in soon]
+    lines = [f"{_called(one)}: {one.on}, in {_days(one, now)} days; by {one.by}" for one in soon]
     message = Message(
         Kind.DUE,
         f"{len(soon)} {HEADLINES[Kind.DUE]} within {SOON} days",
@@ -188,21 +188,6 @@ def _called(one: Due) -> str:
     return f"{what} ({one.customer})" if one.customer else what
 
 
-def _by(one: Due) -> str:
-    """The source of a date, and reasons why one is not known."""
-    if one.on and one.on == one.cycle:
-        return f"its cycle; by drift {_drift(one)}" if one.drift.on else f"its cycle; {one.drift.why}"
-    return f"drift: {_drift(one)}" if one.on else f"no cycle is stated; {one.drift.why}"
-
-
-def _drift(one: Due) -> str:
-    drift = one.drift
-    if not drift.on:
-        return drift.why
-    day = f"not before {drift.on}" if drift.at_least else drift.on
-    return f"{day}: {drift.by}{f'; {drift.why}' if drift.why else ''}"
-
-
 def _history(told: History, now: date) -> Iterator[Block]:
     thing = told.thing
     yield Line(
@@ -223,7 +208,7 @@ def _history(told: History, now: date) -> Iterator[Block]:
     yield Line("  values +- one standard uncertainty")
     one = told.due
     if one is not None:
-        drift = f"by its drift: {_drift(one)}" if one.drift.on else one.drift.why
+        drift = f"by its drift: {one.drift.words}" if one.drift.on else one.drift.why
         yield Line(f"  due by its cycle: {one.cycle or 'none stated'}; {escape(drift)}")
 
 

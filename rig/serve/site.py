@@ -11,6 +11,8 @@ from typing import Any
 from urllib.parse import quote, urlencode
 
 from rig.acts import Places, is_loop
+from rig.archive import Due, Lab
+from rig.archive import due as what_is_due
 from rig.bench.config import InstrumentConfig, ReferenceConfig, parse_bench, parse_toml, read_text
 from rig.errors import RigError
 from rig.lab import Laboratory
@@ -241,7 +243,8 @@ class Site:
         """Equipment and items, with due dates; what is due first comes first. Read again after a change only."""
         today = datetime.fromtimestamp(self.utc(), UTC).astimezone().date()
         files = {**self.places.registers(), **self.places.benches()}
-        now = (today, *((name, _print(path)) for name, path in files.items()))
+        folders = [self.places.folder / name for name in ("", "certificates", "runs")]
+        now = (today, *((name, _print(path)) for name, path in files.items()), *map(_print, folders))
         with self._lock:
             if self._equipment[0] != now:
                 self._equipment = (now, self._read_equipment(today))
@@ -249,6 +252,7 @@ class Site:
 
     def _read_equipment(self, today: date) -> list[dict[str, Any]]:
         rows: dict[tuple[str, str], dict[str, Any]] = {}
+        certified = self._certified()
         entries: Mapping[str, InstrumentConfig | ReferenceConfig]
         for file, path in self.places.registers().items():
             try:
@@ -260,6 +264,8 @@ class Site:
                 due = one.certificate.due if one.certificate is not None else None
                 rows[asset, "equipment"] = _row(asset, "equipment", words_of(one), due, today)
             for name, item in register.sensors.items():
+                if item.serial and item.serial in {one.thing.serial for one in certified}:
+                    continue  # its certificates say more
                 rows[name, "item"] = _row(name, "item", words_of(item), None, today)
         for file, path in self.places.benches().items():
             try:
@@ -271,6 +277,10 @@ class Site:
                 for name, entry in entries.items():
                     if entry.due is not None and (entry.asset, "equipment") not in rows:
                         rows[name, of_bench] = _row(name, of_bench, "", entry.due, today)
+        for thing in certified:
+            on = date.fromisoformat(thing.on) if thing.on else None
+            about = f"{thing.certificate} of {thing.dated}; due by {thing.by}"
+            rows[thing.key, "item"] = _row(thing.key, "item", about, on, today)
         return sorted(rows.values(), key=lambda row: (row["date"] is None, row["date"] or today, row["what"]))
 
     def tells(self) -> dict[str, Callable[[], Any]]:
@@ -286,6 +296,14 @@ class Site:
             return None
         feed.refresh()
         return {**feed.view(), "story": feed.lines(0)}
+
+    def _certified(self) -> list[Due]:
+        """Items that have certificates here."""
+        try:
+            with Lab.open(self.places.folder) as lab:
+                return [one for one in what_is_due(lab) if one.role == "item"]
+        except RigError:
+            return []  # the folder cannot be written: `rig lab` says so
 
     def documents(self, folder: str, *forms: str) -> list[dict[str, str]]:
         """Files of a folder with these endings, the newest first."""

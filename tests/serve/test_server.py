@@ -8,6 +8,7 @@ import re
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from datetime import date
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -676,3 +677,15 @@ def test_whatever_is_asked_nothing_unforeseen_happens(server: Server, ben: Visit
         assert answer.status < 500, (method, path, fields)
         assert "<script>alert" not in answer.text or path.startswith("/api/"), (method, path)
     assert {200, 404, 405, 409, 422} <= statuses
+
+
+def test_an_item_is_due_by_its_certificates(server: Server, anna: Visitor):
+    from tests.archive.test_archive import write  # noqa: PLC0415
+
+    folder = server.folder / "certificates"
+    folder.mkdir(exist_ok=True)
+    write(folder, "C-1", date(2025, 1, 10), next_due=date(2025, 6, 10), serial="S-77")
+    shown = anna.gets("/equipment").text
+    assert "EXAMPLE 10 kN S-77" in shown
+    assert "2025-06-10" in shown
+    assert "C-1 of 2025-01-10; due by its cycle" in shown
