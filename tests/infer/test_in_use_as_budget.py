@@ -121,3 +121,27 @@ def test_a_calibration_says_which_errors_the_register_does_not_state(small, tmp_
     said = "total, but for errors that the register does not state"
     assert {row["uncertainty"] for row in rows} == {told["uncertainty"]} == {said}
     assert any("the register states no errors of force_kN" in note for note in told["notes"])
+
+
+def test_an_effect_that_is_nothing_at_the_mean_of_another_quantity_is_in_intervals_at_its_ends(tmp_path):
+    for path in (ROOT / "examples" / "flow-lab").glob("*.toml"):
+        text = path.read_text().replace('flow_kg_per_min^2"\na', 'flow_kg_per_min^2 + chamber_degC"\na')
+        (tmp_path / path.name).write_text(text)
+    assert "chamber_degC" in (tmp_path / "procedure.toml").read_text().partition("[model]")[2]
+    ran = rig("run", "procedure.toml", "--bench", "bench.toml", "--world", "world.toml", "--dry", cwd=tmp_path)
+    file = tmp_path / ran.stdout.splitlines()[0]
+    at = ("--at", "flow_kg_per_min=0.6,chamber_degC=10")
+    told = json.loads(rig("budget", file, *at, "--json").stdout)["results"]
+    value = {
+        word: next(one for one in told if one["name"].startswith(f"sensor_1 {word} "))
+        for word in ("output", "inferred")
+    }
+    assert rig("fit", file, "--out", tmp_path / "c.json").returncode == 0
+    (tmp_path / "r.csv").write_text(f"sensor_1_Hz,chamber_degC\n{value['output']['value']!r},10\n")
+    done = rig("infer", tmp_path / "c.json", tmp_path / "r.csv", "--out", tmp_path / "o.csv", "--json")
+    assert done.returncode == 0, done.stderr
+    (row,) = csv.DictReader((tmp_path / "o.csv").read_text().splitlines())
+    assert row["uncertainty"] == "total"
+    (sd,) = (float(text) for name, text in row.items() if name.endswith("flow_kg_per_min_sd"))
+    assert sd >= 0.97 * value["inferred"]["standard_uncertainty"]
+    assert any("at its largest over chamber_degC" in note for note in json.loads(done.stdout)["notes"])

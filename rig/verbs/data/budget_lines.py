@@ -20,6 +20,7 @@ from rig.fitter.errors import FitError
 from rig.fitter.json_values import if_finite
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.budgeting import Evaluation
+from rig.procedures.tables.table import Table
 from rig.verbs.budget.evaluation import OfRun
 from rig.verbs.budget.found import effects_by_sensor
 from rig.verbs.budget.lacking import by_sensor, lacking, left_out
@@ -86,19 +87,45 @@ def lines_in_use(of: OfRun, at: At, given: Mapping[str, Any], lacks: Collection[
     scatter: dict[str, dict[str, Any]] = {}
     for variable, points in dict(grids.values()).items():
         here = at(points)
-        extra: list[TypeA] = []
+        places: list[tuple[Evaluation, list[TypeA]]] = [(here, [])]
         if with_effects is not None and any(effects.values()):
+            ends, others = _at_ends(of.table, points, variable)
             try:
-                extra = undeclared_lines(here, with_effects.moved_to(points), effects)
+                each = [(here, points), *((at(one), one) for one in ends)]
+                places = [(one, undeclared_lines(one, with_effects.moved_to(own), effects)) for one, own in each]
                 told = lacking(of.table, here, with_effects, effects)
-                notes += [f"{output}: {sentence} {COUNTED}" for output, sentence in told.items()]
+                largest = f", at its largest over {', '.join(others)}" if others else ""
+                notes += [f"{output}: {sentence} {COUNTED}{largest}" for output, sentence in told.items()]
             except (DataError, FitError) as error:
                 notes, whole = [*notes, f"{BESIDE}: {error}"], False
         for output in (name for name, (own, _) in grids.items() if own == variable):
-            lines[output] = list(_lines(here, output, variable, extra))
+            lines[output] = _largest([list(_lines(one, output, variable, extra)) for one, extra in places])
             if (changed := _scatter(here, output, variable)) is not None:
                 scatter[output] = changed
     return Lines({output: every for output, every in lines.items() if every}, scatter, [*states, *notes], whole)
+
+
+def _at_ends(
+    table: Table, points: Sequence[Mapping[str, float]], variable: str
+) -> tuple[list[Sequence[Mapping[str, float]]], list[str]]:
+    """The points with each other quantity at its lowest and at its highest value of the run, and names of these.
+
+    Effects beside the model may be nothing at the means, where the points are, and most at an end.
+    """
+    others = [name for name in points[0] if name != variable and np.ptp(table.columns[name]) > 0.0]
+    ends = [(name, float(end(table.columns[name]))) for name in others for end in (np.min, np.max)]
+    return [[{**one, name: value} for one in points] for name, value in ends], others
+
+
+def _largest(places: Sequence[Sequence[dict[str, Any]]]) -> list[dict[str, Any]]:
+    """Lines with their largest uncertainty of all places, by name."""
+    found: dict[str, dict[str, Any]] = {}
+    for line in chain(*places):
+        known = found.setdefault(line["name"], line)
+        for key in ("u", "deviation"):
+            if key in line:
+                known[key] = np.maximum(known.get(key, 0.0), line[key]).tolist()
+    return list(found.values())
 
 
 def _inferred(here: Evaluation, output: str, variable: str) -> tuple[IntArray, FloatArray]:
