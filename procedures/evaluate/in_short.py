@@ -39,8 +39,20 @@ def in_short(traced: Traced) -> Iterator[Block]:
         yield Paragraph(
             f"not traced: {escape(', '.join(missing))}; a trace needs a model that is linear in its coefficients", 2
         )
-    yield from _once([note for one in sensors.values() for note in one["notes"] if not note.startswith(_OF_METHOD)])
+    yield from _notes(sensors)
     yield from _once([line for one in sensors.values() for line in _next(one)])
+
+
+def _notes(sensors: Mapping[str, Any]) -> Iterator[Block]:
+    """Notes but those of the method; one that is not of all sensors has their names."""
+    of: dict[str, list[str]] = {}
+    for name, sensor in sensors.items():
+        for note in sensor["notes"]:
+            if not note.startswith(_OF_METHOD):
+                of.setdefault(note, []).append(name)
+    yield from _once(
+        [note if len(names) == len(sensors) else f"{', '.join(names)}: {note}" for note, names in of.items()]
+    )
 
 
 def _errors(outcomes: Sequence[Outcome]) -> Grid:
@@ -67,7 +79,7 @@ def _effects(sensors: Mapping[str, Any]) -> Iterator[Block]:
         for (sensor, one), others in zip(every, aliases, strict=True):
             interval = f" (95 %: {escape(one['size_95'])})" if one["size_95"] else ""
             of_all = "" if one["stratum"] == "noise" else f", {share(one)}"
-            found_as = f"{escape(one['size'])}{interval}{of_all}, p {chance(one)}{'' if alike else _or(others)}"
+            found_as = f"{escape(one['size'])}{interval}{of_all}, p {chance(one)}{'' if alike else f';{_or(others)}'}"
             constants = "".join(f", {escape(words)}" for words in constants_of(one))
             yield Paragraph(f"{escape(sensor)}: {found_as}{constants}", 4)
             if one["doubtful"]:

@@ -101,5 +101,6 @@ def _next(rows: Sequence[tuple[Row, int]]) -> Iterator[tuple[str, str]]:
     newest = next((row for row in done if not row["state"].startswith("loop")), None)
     if newest is not None:
         file = shell_word(newest["run_file"])
-        yield f"rig trace {file}", "what its model lacks"
-        yield f"rig fit {file} --out calibration.json", "its calibration"
+        mark = "SIMULATED: " if newest["simulated"] else ""
+        yield f"rig trace {file}", f"{mark}what its model lacks"
+        yield f"rig fit {file} --out calibration.json", f"{mark}its calibration"

@@ -89,9 +89,13 @@ def list_runs(folder: Path, *, as_json: bool, check: bool) -> int:
     return next((code for code in codes if code), ExitCode.DONE) if check else ExitCode.DONE
 
 
+_NO_RUNS = ("queue.sqlite", "log.sqlite")
+
+
 def rows_of(folder: Path) -> list[tuple[dict[str, Any], int]]:
     """Each run and loop of a folder, newest first, and its exit code for `--check`."""
-    paths = sorted((one for one in folder.glob("*.sqlite") if one.name != "queue.sqlite"), key=_changed, reverse=True)
+    own = (one for one in folder.glob("*.sqlite") if one.name not in _NO_RUNS and not one.name.startswith("."))
+    paths = sorted(own, key=_changed, reverse=True)
     return [_row(path) for path in paths]
 
 
