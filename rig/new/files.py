@@ -196,7 +196,12 @@ def _limits(answers: Answers, part: str, name: str) -> list[float]:
         beyond = max(b - a for a, b in pairwise(levels))
         pressed = instruments.plays(driver, PressureController)
         rest = (0.0, 1.1 * ATMOSPHERE_PSIA if pressed else 0.0)
-    return [float(f"{one:.6g}") for one in (min(levels[0] - beyond, *rest), max(levels[-1] + beyond, *rest))]
+    ends = min(levels[0] - beyond, *rest), max(levels[-1] + beyond, *rest)
+    own = instruments.opened(driver, known_options(part, answers))
+    if own is not None and hasattr(own, "limits"):  # what the instrument refuses is no approach to a level
+        low, high = own.limits()
+        ends = min(max(ends[0], low), levels[0]), max(min(ends[1], high), levels[-1])
+    return [float(f"{one:.6g}") for one in ends]
 
 
 def _procedure(answers: Answers) -> Iterator[str]:

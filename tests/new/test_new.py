@@ -85,6 +85,22 @@ def test_a_chamber_is_a_factor_of_whole_plots_with_its_model(tmp_path):
     assert procedure["model"]["abscissa"] == "pressure_kPa"
 
 
+def test_limits_are_no_wider_than_those_of_the_instrument(tmp_path):
+    valve = """
+quantity = "valve"
+sets_in = "V"
+levels = [1, 5, 10]
+sets_with = "scpi-source"
+reads_in = "V"
+reads_with = "keysight-34401a"
+[sets_options]
+low = 0
+high = 10
+"""
+    _, lab = made(tmp_path, valve)
+    assert tomllib.loads((lab / "bench.toml").read_text())["limits"] == {"valve_V": [0.0, 10.0]}
+
+
 def test_somebody_who_does_not_know_gets_the_straight_line_and_is_told(tmp_path):
     done, lab = made(tmp_path, DIAL)
     assert "no model was named: the straight line is taken" in " ".join(done.stderr.split())
