@@ -40,7 +40,7 @@ def front(outcomes: Sequence[Outcome], sensors: Mapping[str, Any]) -> dict[str, 
             {
                 "sensor": one.sensor,
                 "verdict": one.verdict,
-                "cells": [None if row is None else (row.before, row.after) for row in cells],
+                "cells": [None if row is None else (row.before, row.after if one.findings else "") for row in cells],
                 "named": list(_named(sensors[one.sensor])),
                 "open": list(_open(sensors[one.sensor])),
             }

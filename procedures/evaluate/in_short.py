@@ -60,7 +60,9 @@ def _errors(outcomes: Sequence[Outcome]) -> Grid:
     labels, every = firsts(outcomes)
     grid = Grid(("", "", *map(escape, labels)))
     for outcome, rows in zip(outcomes, every, strict=True):
-        cells = ["" if row is None else f"{row.before} -> {row.after}" for row in rows]
+        # where nothing was found there is no after: the search was repeated for the rows left out alone
+        changed = bool(outcome.findings)
+        cells = ["" if row is None else f"{row.before} -> {row.after}" if changed else row.before for row in rows]
         grid.add_row(escape(outcome.sensor), escape(outcome.verdict), *cells)
     return grid
 
