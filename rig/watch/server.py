@@ -14,6 +14,7 @@ from typing import Any
 from urllib.parse import quote
 
 import anyio
+import h11
 import uvicorn
 from h11 import LocalProtocolError
 from starlette.types import ASGIApp
@@ -26,39 +27,74 @@ from rig.watch.app import make_app
 from rig.watch.shelf import Shelf
 
 HEADERS_S = 10.0
-"""Real seconds within which a new connection must have sent a request."""
+"""Real seconds within which a connection must have sent a request that it began, or its first one."""
 MOST_OF_ONE = 64
 """Maximum number of connections, and so of pages, from one address."""
+_MOST_UNREAD = 1 << 20
+"""Bytes of a request's body that are taken and thrown away after its answer, so that the client can read the answer."""
 
 
 class BoundedProtocol(H11Protocol):
-    """HTTP with bounded connections: bounded time to the first whole request, bounded number per address.
+    """HTTP with bounded connections: bounded time to every whole request, bounded number in all and per address.
 
-    If an address has too many, its connection that has been without a request for longest is closed. The new one is
-    closed only if all have sent a request: half-open connections keep nobody out.
+    If there are too many, the connection that has been without a request for longest is closed: of the same address if
+    that has too many, of any address otherwise. The new one is closed only if all of its address have a request under
+    way: half-open connections keep nobody out.
     """
 
     def __init__(self, *given: Any, **options: Any) -> None:
         super().__init__(*given, **options)
         self._too_late: asyncio.TimerHandle | None = None
+        self._silent_since_s = self.loop.time()
+        self._unread = 0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Give a new connection its time limit; close the one that was silent longest if a client has too many."""
+        """Give a new connection its time limit; close the one that was silent longest if there are too many."""
         super().connection_made(transport)
-        self._too_late = asyncio.get_running_loop().call_later(HEADERS_S, self._give_up)
+        self._begin_time_limit()
         host = self.client[0] if self.client else ""
-        own = [c for c in self.connections if isinstance(c, BoundedProtocol) and c.client and c.client[0] == host]
+        every = [c for c in self.connections if isinstance(c, BoundedProtocol)]
+        own = [c for c in every if c.client and c.client[0] == host]
         if len(own) > MOST_OF_ONE:
-            silent = [c for c in own if c is not self and c._too_late is not None]
-            # The earliest deadline is that of the connection that has been silent for longest.
-            first = min(silent, key=lambda c: c._too_late.when() if c._too_late else 0.0, default=self)
-            first._give_up()
+            self._longest_silent(own)._give_up()
+        elif (
+            self.limit_concurrency is not None
+            and len(every) >= self.limit_concurrency
+            and (longest := self._longest_silent(every)) is not self
+        ):
+            longest._give_up()  # otherwise the new one gets the answer that the server is too busy
+
+    def _longest_silent(self, some: list[BoundedProtocol]) -> BoundedProtocol:
+        """The connection that has been without a request for longest; this one if all others have one under way."""
+        silent = [c for c in some if c is not self and not c._under_way]
+        return min(silent, key=lambda c: c._silent_since_s, default=self)
+
+    @property
+    def _under_way(self) -> bool:
+        return self.cycle is not None and not self.cycle.response_complete
+
+    def data_received(self, data: bytes) -> None:
+        """Take what has arrived; the rest of a body whose request has its answer is bounded too."""
+        self._unread += len(data)
+        if self._under_way or self.conn.their_state is not h11.SEND_BODY:
+            self._unread = 0
+        elif self._unread > _MOST_UNREAD:
+            self._give_up()
+            return
+        super().data_received(data)
 
     def handle_events(self) -> None:
         """Handle what has arrived; there is no time limit for the answer to a whole request."""
         super().handle_events()
-        if self.cycle is not None:
+        if self._under_way:
             self._asked()
+        elif self._too_late is None and not self.transport.is_closing():
+            self._begin_time_limit()
+
+    def on_response_complete(self) -> None:
+        """Note since when there is no request under way."""
+        self._silent_since_s = self.loop.time()
+        super().on_response_complete()
 
     def send_400_response(self, msg: str) -> None:
         """Answer an invalid request, unless another answer has begun on this connection."""
@@ -78,6 +114,9 @@ class BoundedProtocol(H11Protocol):
         self._asked()
         super().connection_lost(exc)
 
+    def _begin_time_limit(self) -> None:
+        self._too_late = self.loop.call_later(HEADERS_S, self._give_up)
+
     def _asked(self) -> None:
         if self._too_late is not None:
             self._too_late.cancel()
@@ -85,6 +124,7 @@ class BoundedProtocol(H11Protocol):
 
     def _give_up(self) -> None:
         self._asked()
+        self.connections.discard(self)  # it is counted no more, although the transport ends a moment later
         self.transport.abort()
 
 
