@@ -12,3 +12,8 @@ def visible(text: str) -> str:
     and invalid characters.
     """
     return _UNSEEN.sub(lambda found: f"\\x{ord(found.group()):02x}", text)
+
+
+def visible_line(text: str) -> str:
+    """As `visible`, with line ends escaped too: what others wrote looks like no further line."""
+    return visible(text).replace("\n", "\\x0a")

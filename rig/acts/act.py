@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
 
 from rig.acts.places import Places
 from rig.errors import UsageError
@@ -71,6 +71,13 @@ class Act(BaseModel):
             raise TypeError(f"{act} moves or decides something: it is more than a proposal")
         cls.name, cls.role, cls.moves, cls.again, cls.slow, cls.proposes = act, role, moves, again, slow, proposes
         _ACTS[act] = cls
+
+    @field_validator("*")
+    @classmethod
+    def _one_line(cls, value: object) -> object:
+        if isinstance(value, str) and not value.isprintable():
+            raise ValueError("a text has one line of printable characters")
+        return value
 
     def will(self, places: Places) -> str:
         """What will happen, a sentence, for the person who confirms it. Raises `UsageError` if it cannot happen."""

@@ -20,6 +20,7 @@ from rig.lab.people import ROLES, check_login, hashed, new_token
 from rig.procedures.present.blocks import Grid
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.terminal import show
+from rig.procedures.present.visible import visible_line
 from rig.run_file.events.sessions import RunCreated
 from rig.run_file.verify.verification import verify_file
 from rig.who import Operator, operator
@@ -155,7 +156,7 @@ def log(
         return ExitCode.DONE
     for record, lines in rows:
         moment = datetime.fromtimestamp(record.utc_s, UTC)
-        out.print(f"[bold]{moment:%Y-%m-%d %H:%M} UTC[/]  {escape(record.sentence())}", soft_wrap=True)
+        out.print(f"[bold]{moment:%Y-%m-%d %H:%M} UTC[/]  {escape(visible_line(record.sentence()))}", soft_wrap=True)
         for line in lines[:_MOST_LINES]:
             colour = "red" if line.startswith("-") else "green"
             out.print(f"  [{colour}]{escape(line)}[/]", soft_wrap=True, highlight=False)

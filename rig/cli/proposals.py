@@ -21,6 +21,7 @@ from rig.lab.proposals import decide, known
 from rig.procedures.present.blocks import Grid
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.terminal import show
+from rig.procedures.present.visible import visible_line
 from rig.run_file.approval import digests_of
 
 
@@ -109,7 +110,11 @@ def _list(proposals: list[Proposal], *, as_json: bool) -> None:
         return
     table = Grid(("number", "state", "procedure", "bench", "proposed by"), frame="plain", apart=2)
     for one in proposals:
-        table.add_row(str(one.number), one.state, *map(escape, (one.asked.procedure, one.asked.bench, one.asked.who)))
+        table.add_row(
+            str(one.number),
+            one.state,
+            *(escape(visible_line(text)) for text in (one.asked.procedure, one.asked.bench, one.asked.who)),
+        )
     show((table,), out)
 
 
@@ -122,7 +127,7 @@ def _show(proposal: Proposal) -> None:
 
 
 def lines(proposal: Proposal) -> list[str]:
-    """A proposal in words."""
+    """A proposal in words; no text of others makes a further line."""
     asked, dry = proposal.asked, proposal.asked.dry
     found = [f"proposal {proposal.number}, {proposal.state}: {asked.procedure} on {asked.bench}, by {asked.who}"]
     if asked.why:
@@ -141,4 +146,4 @@ def lines(proposal: Proposal) -> list[str]:
     found += [f"  warning: {one}" for one in dry.get("warnings", [])]
     found += [f"  {digest}  {name}" for name, digest in digests_of(asked.documents).items()]
     found.append(f"  {asked.run_list}  run list")
-    return found
+    return [visible_line(line) for line in found]

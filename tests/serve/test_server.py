@@ -20,8 +20,8 @@ from asgi import Answer, ask
 from lab_people import QUICK, WORD, laboratory, typed
 from small_run import write_small
 
-from rig.acts import Act, acts
-from rig.errors import StorageError
+from rig.acts import Act, act_of, acts
+from rig.errors import StorageError, UsageError
 from rig.lab import Laboratory, people
 from rig.lab.proposals import decide, propose
 from rig.queue import open_queue
@@ -613,6 +613,14 @@ def test_wrong_tokens(server: Server, anna: Visitor, given_: str):
 )
 def test_values_of_a_program_are_checked(server: Server, token: str, fields: dict[str, Any], status: int):
     assert called(server, "pause", f"Bearer {token}", **fields).status in (status, 422)
+
+
+@pytest.mark.parametrize("why", ["fine\n  approved by Ben (ben)", "\x1b[2K", "\u202etxt"])
+@pytest.mark.parametrize("act", ["pause", "propose", "approve", "decline", "sign"])
+def test_a_text_of_an_act_is_one_printable_line(act: str, why: str):
+    field = "because" if act == "sign" else "why"
+    with pytest.raises(UsageError, match="one line of printable characters"):
+        act_of(act, {**given(NAMES[act]), field: why})
 
 
 def test_a_program_sends_json_only(server: Server, token: str):

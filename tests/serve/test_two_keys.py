@@ -204,6 +204,18 @@ def test_the_command_proposes_after_a_dry_run_and_shows_what_it_reached(lab: Pat
     assert plan_of(lab).permission() is not None
 
 
+def test_no_text_of_a_proposal_makes_a_further_line(lab: Path):
+    plan, forged = plan_of(lab), "fine\n  approved by Ben (ben)"
+    texts = {"procedure": forged, "bench": forged, "why": forged, "dry": {**DRY, "warnings": [forged]}}
+    asked = Proposed(number=0, documents={}, run_list=plan.run_list.sha256(), who=ANNA.name, who_by=ANNA.by, **texts)
+    propose(Laboratory(lab), asked)
+    (lab / "x\n2030-01-01 00:00 UTC  all is well.toml").write_text("")
+    for command in (("approve", 1), ("approve",), ("log",)):
+        lines = typed(*command, cwd=lab).stdout.splitlines()
+        assert not [one for one in lines if one.startswith(("  approved", "2030"))], command
+        assert [one for one in lines if "\\x0a" in one]
+
+
 def test_an_item_of_a_queue_runs_only_the_files_it_was_made_of(tmp_path: Path):
     lab = laboratory(tmp_path / "lab", "attitude-lab")
     write_small(lab)
