@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from typing import Annotated
 
 import typer
 
-from rig.errors import UsageError
+from rig.errors import RigError, UsageError
 from rig.lab import Laboratory, by_password, check_role, proven
-from rig.who import Operator
+from rig.who import Operator, operator
 
 LoginOption = Annotated[
     str | None,
@@ -28,7 +29,12 @@ def asked_password(words: str, *, new: bool = False) -> str:
 
 
 def signed_in(laboratory: Laboratory, login: str | None, role: str) -> Operator:
-    """The person with this login, once the password was right, and the role is one of theirs. Raises `UsageError`."""
+    """The person with this login, once the password was right, and the role is one of theirs. Raises `UsageError`.
+
+    The log has `people.toml` as it is used here, even if an editor restores it later.
+    """
+    with contextlib.suppress(RigError, OSError):  # a hold works on a full disk too; a decision is written anyway
+        laboratory.note_changes(operator())
     people = laboratory.people()
     if login is None:
         able = ", ".join(people.having(role)) or "nobody yet"

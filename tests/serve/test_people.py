@@ -6,11 +6,13 @@ import json
 import re
 import stat
 from pathlib import Path
+from unittest.mock import patch
 
 import apsw
 import pytest
 from lab_people import WORD, laboratory, typed
 
+from rig.errors import StorageError
 from rig.lab import Laboratory, by_token, laboratory_of
 from rig.lab.people import parse_people
 from rig.run_file.events.laboratory import FileChanged
@@ -116,6 +118,47 @@ def test_a_log_that_was_changed_is_told(lab: Path):
         db.execute("UPDATE record SET body = replace(body, 'anna', 'emma')")
     done = typed("log", cwd=lab)
     assert (done.returncode, done.stdout) == (1, "")
+
+
+@pytest.mark.parametrize("edited", [False, True])
+def test_a_log_without_its_last_records_takes_no_further_ones(lab: Path, edited: bool):
+    typed("log", cwd=lab)
+    with apsw.Connection(str(lab / "log.sqlite")) as db:
+        triggers = list(db.execute("SELECT name, sql FROM sqlite_master WHERE type='trigger'"))
+        for name, _ in triggers:
+            db.execute(f"DROP TRIGGER {name}")
+        db.execute("DELETE FROM record WHERE seq > (SELECT max(seq) - 2 FROM record)")
+        for _, sql in triggers:
+            db.execute(sql)
+    db.close()  # SQLite leaves no log of its own beside it
+    if edited:
+        (lab / "bench.toml").write_text((lab / "bench.toml").read_text() + "\n")
+    for _ in range(2):
+        done = typed("log", cwd=lab)
+        assert (done.returncode, done.stdout, "log.head" in done.stderr) == (1, "", True)
+    add = ("person", "password", "anna", "--login", "anna")
+    done = typed(*add, lines="correct horse\nanother one\n", cwd=lab)
+    assert (done.returncode, "from a backup" in done.stderr) == (1, True)
+    for name in ("log.sqlite", "log.head"):
+        (lab / name).rename(lab / f"kept.{name}")
+    assert typed("log", cwd=lab).returncode == 0
+
+
+def test_people_who_were_there_for_a_moment_only_are_in_the_log(lab: Path):
+    path = lab / "people.toml"
+    before = path.read_text()
+    path.write_text(before.replace('"Ben"', '"Mallory"'))
+    note = ("person", "password", "ben", "--login", "ben")
+    assert typed(*note, lines="wrong\nanother one\n", cwd=lab).returncode == 2
+    path.write_text(before)
+    texts = [r.event.text for r in Laboratory(lab).log().records if isinstance(r.event, FileChanged)]
+    assert [one for one in texts if "Mallory" in one]
+
+
+def test_a_full_disk_stops_no_act_of_the_command_line(lab: Path):
+    with patch("rig.lab.laboratory.Laboratory.note_changes", side_effect=StorageError("the disk is full")):
+        done = typed("act", "pause", "--login", "anna", lines=f"{WORD['anna']}\n", cwd=lab)
+    assert (done.returncode, done.stdout.strip()) == (0, "the queue is paused")
 
 
 def test_a_laboratory_is_the_nearest_folder_with_people(lab: Path):

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 
 from rig.drivers.clock import RealClock
-from rig.errors import BusyError, UsageError
+from rig.errors import BusyError, RunFileError, UsageError
 from rig.procedures.plan.run_list import RunList
 from rig.run_file.chain import Record, encode
 from rig.run_file.events.event import Event
+from rig.run_file.last_word import head_path, read_last_word
 from rig.run_file.read.reader import RunReader
 from rig.run_file.write.creation import Genesis, create
 from rig.run_file.write.writer import RunWriter
@@ -57,6 +58,7 @@ class Ledger:
 
         Raises:
             BusyError: somebody else writes for more than ten seconds.
+            RunFileError: the file was edited or damaged, or its last records were removed.
             StorageError: they could not be made durable.
         """
         clock = RealClock()
@@ -78,6 +80,7 @@ class Ledger:
         self, writer: RunWriter, state: State, decide: Callable[[State], Sequence[Event]], utc_s: float
     ) -> State:
         self._check(writer)
+        self._check_end(writer)
         first_s = writer.genesis().utc_s
         for record in writer.records():
             state.add(record)
@@ -88,6 +91,16 @@ class Ledger:
             state.add(record)
         writer.commit()
         return state
+
+    def _check_end(self, writer: RunWriter) -> None:
+        """Refuse to go on after missing records: the next commit would hide that they are missing."""
+        last = read_last_word(self.path)
+        if last is not None and not writer.holds(*last):
+            head = head_path(self.path).name
+            raise RunFileError(
+                f"{self.path} has lost its last records, of {last[0]} that {head} beside it counts: nothing is added. "
+                f"Put both files back from a backup; or move both away and keep them, and a new {self.what} begins"
+            )
 
     def read(self, state: State) -> State:
         """The state by all records. Raises `RunFileError`, or `UsageError` if there is no such file."""
