@@ -14,7 +14,8 @@ VARIABLE: Literal["RIG_OPERATOR"] = "RIG_OPERATOR"
 """Environment variable with the operator's name, if the command line has none."""
 BY_PASSWORD: Literal["RIG_OPERATOR_BY"] = "RIG_OPERATOR_BY"
 """Environment variable with which `rig serve` says of the name in `VARIABLE` that a password proved it: "password"."""
-_LONGEST = 100
+_LONGEST = 115
+"""A name of 80 characters in `people.toml`, with a login of 32 behind it, is such a name too."""
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,10 @@ def _loop(hours: float | None) -> list[str]:
     return [] if hours is None else ["--hours", f"{hours:g}"]
 
 
+def _only(asked: Proposed) -> str:
+    return digest_of(asked.documents, asked.run_list)
+
+
 def _add(places: Places, asked: Queued) -> Told:
     file, _ = places.queue()
     places.runs_folder.mkdir(exist_ok=True)
@@ -90,7 +94,7 @@ class Start(Act, act="start", moves=True):
                 command="run" if self.hours is None else "loop",
                 procedure=str(procedure),
                 bench=str(bench),
-                options=["--only", digest_of(asked.documents, asked.run_list), *_loop(self.hours)],
+                options=["--only", _only(asked), *_loop(self.hours)],
                 priority=self.priority,
                 who=by.name,
                 who_by=by.by,
@@ -98,7 +102,10 @@ class Start(Act, act="start", moves=True):
         )
 
     def _checked(self, places: Places) -> Proposed:
-        """The proposal. Raises `UsageError` if its files changed, its dry run failed, or its approval is missing."""
+        """The proposal. Raises `UsageError`.
+
+        Its files changed, its dry run failed, its approval is missing, or the queue has it already.
+        """
         proposal = known(places.laboratory.log(), self.proposal)
         asked = proposal.asked
         plan = load_plan(places.procedure(asked.procedure), places.bench(asked.bench))
@@ -111,6 +118,9 @@ class Start(Act, act="start", moves=True):
         if plan.needs_approval and self.hours is not None:
             raise UsageError("the further runs of a loop are approved by nobody: start it as a single run")
         plan.permission()
+        for item in places.queue()[1].items.values():
+            if item.state in ("waiting", "at work") and _only(asked) in item.asked.options:
+                raise UsageError(f"item {item.number} of the queue is the same run, and is {item.state}")
         return asked
 
 

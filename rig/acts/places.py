@@ -76,14 +76,15 @@ class Places:
         return {name: path for name, path in self._toml().items() if isinstance(_values(path).get("equipment"), dict)}
 
     def documents(self) -> dict[str, Path]:
-        """Reports, certificates and calibrations, the newest first, by their path in the folder; no links."""
+        """Reports, certificates and calibrations, the newest first, by their path in the folder; nothing by links."""
+        inside = self.folder.resolve()
         patterns = [
             f"{folder}*.{form}"
             for folder in ("reports/", "calibrations/", "certificates/", "runs/", "runs/*/")
             for form in ("html", "pdf", "xml", "json")
         ]
         found = self._newest(*patterns)
-        return {_text(str(path.relative_to(self.folder))): path for path in found if not path.is_symlink()}
+        return {_text(str(path.relative_to(self.folder))): path for path in found if _own(path, inside)}
 
     def _toml(self) -> dict[str, Path]:
         found = sorted([*self.folder.glob("*.toml"), *self.folder.glob("*/*.toml")])[:_MOST]
@@ -97,6 +98,11 @@ class Places:
 def is_loop(path: Path) -> bool:
     """Whether it is the program file of a loop."""
     return path.name.endswith(LOOP_SUFFIX)
+
+
+def _own(path: Path, inside: Path) -> bool:
+    """Whether it is no link, and in no linked folder outside of the laboratory's."""
+    return not path.is_symlink() and path.resolve().is_relative_to(inside)
 
 
 def _one(known: dict[str, Path], name: str, what: str) -> Path:

@@ -146,6 +146,8 @@ def log(
     found = verify_file(laboratory.log_file)
     if not found.whole:
         raise RunFileError(f"{laboratory.log_file} was edited or damaged: {found.findings[0]}")
+    if beyond := laboratory.beyond():
+        err.print(f"[yellow]{beyond} files *.toml are not in it: there are too many of them in {escape(str(lab))}[/]")
     rows = [row for row in differences(laboratory.log()) if not isinstance(row[0].event, RunCreated)]
     if as_json:
         events = [

@@ -174,10 +174,18 @@ class Laboratory:
 
     def _files(self) -> Iterator[tuple[str, str]]:
         """Every settings file, and its SHA-256."""
-        paths = sorted([*self.folder.glob("*.toml"), *self.folder.glob("*/*.toml")])
-        for path in paths[:_MOST_FILES]:
+        for path in self._paths()[:_MOST_FILES]:
             with contextlib.suppress(OSError), open_regular(path) as file:
                 yield str(path.relative_to(self.folder)), hashlib.sha256(file.read(_MOST_BYTES)).hexdigest()
+
+    def _paths(self) -> list[Path]:
+        """Settings files; the people are the first."""
+        found = [*self.folder.glob("*.toml"), *self.folder.glob("*/*.toml")]
+        return sorted(found, key=lambda path: (path != self.people_file, path))
+
+    def beyond(self) -> int:
+        """How many settings files are not looked at, because there are too many."""
+        return max(0, len(self._paths()) - _MOST_FILES)
 
     def _text(self, name: str) -> str:
         """Text of a file without its passwords; "" if it is long, or cannot be read."""
@@ -206,13 +214,16 @@ def laboratory_in(folder: Path) -> Laboratory:
     return found
 
 
-def differences(log: Log) -> Iterator[tuple[Record, list[str]]]:
-    """Every record of a log, and the lines of a file that it took away ("-") or brought ("+")."""
+def differences(log: Log, last: int | None = None) -> Iterator[tuple[Record, list[str]]]:
+    """Every record of a log, or its last ones, and the lines of a file that it took away ("-") or brought ("+")."""
     texts: dict[str, str] = {}
-    for record in log.records:
+    first = 0 if last is None else len(log.records) - last
+    for index, record in enumerate(log.records):
         lines: list[str] = []
         if isinstance(event := record.event, FileChanged):
-            before = texts.get(event.file, "").splitlines()
-            lines = list(unified_diff(before, event.text.splitlines(), lineterm="", n=0))[2:]
+            if index >= first:
+                before = texts.get(event.file, "").splitlines()
+                lines = list(unified_diff(before, event.text.splitlines(), lineterm="", n=0))[2:]
             texts[event.file] = event.text
-        yield record, [one for one in lines if not one.startswith("@@")]
+        if index >= first:
+            yield record, [one for one in lines if not one.startswith("@@")]

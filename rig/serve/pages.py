@@ -15,13 +15,12 @@ from starlette.routing import Route
 
 from rig.acts import Act, act_of, acts
 from rig.errors import RigError, UsageError
-from rig.lab import WrongPassword, differences, proven
-from rig.run_file.events.sessions import RunCreated
+from rig.lab import WrongPassword, proven
 from rig.serve.acting import Acting, NotConfirmed
 from rig.serve.asked import address_of, form_of, own_page
 from rig.serve.fields import Input, inputs_of
 from rig.serve.sessions import Session, Sessions
-from rig.serve.site import Site, moment
+from rig.serve.site import Site
 from rig.watch.app import Page, Pages, Pause
 from rig.watch.feed import encoded
 
@@ -75,7 +74,7 @@ class LaboratoryPages:
             "/queue": self._queue,
             "/runs": self._list,
             "/proposals": self._proposals,
-            "/proposal/{number:int}": self._proposal,
+            "/proposal/{number}": self._proposal,
             "/results": self._results,
             "/certificates": self._results,
             "/equipment": self._equipment,
@@ -204,10 +203,10 @@ class LaboratoryPages:
     async def _proposal(self, request: Request, session: Session) -> Response:
         number = request.path_params["number"]
         proposals = await to_thread.run_sync(self._site.proposals)
-        one = next((one for one in proposals if one["number"] == number), None)
+        one = next((one for one in proposals if str(one["number"]) == number), None)
         if one is None:
             raise HTTPException(404)
-        texts = self._site.log().proposals[number].asked.documents
+        texts = self._site.log().proposals[one["number"]].asked.documents
         return self._shown("proposal.html.j2", session, "/proposals", one=one, texts=texts)
 
     async def _results(self, _request: Request, session: Session) -> Response:
@@ -226,13 +225,8 @@ class LaboratoryPages:
         return self._shown("equipment.html.j2", session, "/equipment", rows=rows)
 
     async def _changes(self, _request: Request, session: Session) -> Response:
-        log = await to_thread.run_sync(self._site.log)
-        changes = [
-            {"when": moment(record.utc_s), "says": record.sentence(), "lines": lines[:200]}
-            for record, lines in differences(log)
-            if not isinstance(record.event, RunCreated)
-        ]
-        return self._shown("log.html.j2", session, "/log", changes=list(reversed(changes))[:200])
+        changes = await to_thread.run_sync(self._site.changes)
+        return self._shown("log.html.j2", session, "/log", changes=changes)
 
     async def _file(self, request: Request, _session: Session) -> Response:
         """A report or certificate by its name in the list: a name is looked up, and never used as a path."""

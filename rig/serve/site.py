@@ -15,16 +15,18 @@ from rig.archive import Due, Lab
 from rig.archive import due as what_is_due
 from rig.bench.config import InstrumentConfig, ReferenceConfig, parse_bench, parse_toml, read_text
 from rig.errors import RigError
-from rig.lab import Laboratory
+from rig.lab import Laboratory, differences
 from rig.lab.laboratory import Log, Proposal
 from rig.loop import open_program
 from rig.procedures.present.durations import duration
 from rig.register import read_register
 from rig.run_file.approval import digests_of
+from rig.run_file.events.sessions import RunCreated
 from rig.run_file.live import asked_by_hand, live_path, read_json
 from rig.watch import Shelf
 
 _FRESH_S = 0.9
+_MOST_RECORDS, _MOST_LINES = 200, 200
 SOON_DAYS = 30
 Link = tuple[str, str]
 TELLS = {
@@ -58,6 +60,8 @@ class Site:
         self._lock = threading.Lock()
         self._made_s, self._benches = -1e9, list[dict[str, Any]]()
         self._log: tuple[object, Log] = (None, Log())
+        self._comparing = threading.Lock()  # of its own: to compare long texts takes seconds
+        self._changes: tuple[object, list[dict[str, Any]]] = (None, [])
         self._equipment: tuple[object, list[dict[str, Any]]] = (None, [])
 
     @property
@@ -73,6 +77,19 @@ class Site:
             if self._log[0] != now:
                 self._log = (now, self.laboratory.log())
             return self._log[1]
+
+    def changes(self) -> list[dict[str, Any]]:
+        """The last records of the log, the newest first, with changed lines; compared again after a change only."""
+        log = self.log()
+        with self._comparing:
+            if self._changes[0] is not log:
+                found = [
+                    {"when": moment(record.utc_s), "says": record.sentence(), "lines": lines[:_MOST_LINES]}
+                    for record, lines in differences(log, _MOST_RECORDS)
+                    if not isinstance(record.event, RunCreated)
+                ]
+                self._changes = (log, found[::-1])
+            return self._changes[1]
 
     def benches(self) -> list[dict[str, Any]]:
         """Benches: state, what runs, since when, until when; at most once a second, however many pages are open."""
@@ -367,4 +384,4 @@ def _print(path: Path) -> tuple[int, int] | None:
         stat = path.stat()
     except OSError:
         return None
-    return stat.st_size, stat.st_mtime_ns
+    return (stat.st_size, stat.st_mtime_ns) if stat.st_size else None  # reading makes an empty -wal

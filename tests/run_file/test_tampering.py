@@ -316,5 +316,5 @@ def test_the_operator_is_who_was_given_else_the_environments_else_the_account(mo
     monkeypatch.setenv("RIG_OPERATOR", "night shift")
     assert operator() == Operator("night shift", "RIG_OPERATOR")
     assert operator(" Ann ") == Operator("Ann", "--operator")
-    with pytest.raises(UsageError, match="1 to 100 printable"):
-        operator("x" * 101)
+    with pytest.raises(UsageError, match="1 to 115 printable"):
+        operator("x" * 116)

@@ -161,6 +161,16 @@ def test_a_full_disk_stops_no_act_of_the_command_line(lab: Path):
     assert (done.returncode, done.stdout.strip()) == (0, "the queue is paused")
 
 
+def test_too_many_files_hide_no_change_of_people(lab: Path):
+    for number in range(500):
+        (lab / f"a{number}.toml").write_text("")
+    shown = typed("log", cwd=lab)
+    beyond = len(list(lab.glob("*.toml"))) - 500
+    assert f"{beyond} files *.toml are not in it" in shown.stderr
+    (lab / "people.toml").write_text((lab / "people.toml").read_text() + "\n")
+    assert "people.toml changed, by an editor" in typed("log", cwd=lab).stdout
+
+
 def test_a_laboratory_is_the_nearest_folder_with_people(lab: Path):
     (lab / "runs").mkdir()
     assert laboratory_of(lab / "runs" / "x.sqlite") == laboratory_of(lab) == Laboratory(lab)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import random
 import re
+import threading
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import date
+from difflib import unified_diff
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -25,11 +27,11 @@ from rig.errors import StorageError, UsageError
 from rig.lab import Laboratory, people
 from rig.lab.proposals import decide, propose
 from rig.queue import open_queue
-from rig.run_file.events.laboratory import Proposed
+from rig.run_file.events.laboratory import FileChanged, Proposed
 from rig.runs.plans import load_plan
 from rig.serve import make_app
 from rig.serve.sessions import IDLE_S, LONGEST_S, Patience
-from rig.who import Operator
+from rig.who import Operator, operator
 
 PAGES = ["/", "/queue", "/runs", "/proposals", "/results", "/certificates", "/equipment", "/log", "/events"]
 FORM = "application/x-www-form-urlencoded"
@@ -403,6 +405,11 @@ def test_a_link_is_no_report(anna: Visitor):
     (folder / "reports").mkdir()
     (folder / "reports" / "people.html").symlink_to(folder / "people.toml")
     assert b"argon2" not in anna.gets("/file/reports/people.html").body
+    elsewhere = folder.parent / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "x.html").write_text("not ours")
+    (folder / "certificates").symlink_to(elsewhere)
+    assert anna.gets("/file/certificates/x.html").status == 404
 
 
 SCRIPT = "<script>alert(1)</script>\"'><img src=x onerror=alert(1)>"
@@ -495,6 +502,28 @@ def test_a_change_by_an_editor_is_found_by_the_next_act_which_a_full_disk_does_n
         assert anna.acts("go-on", confirm="yes").status == 200
 
 
+def test_the_page_of_the_log_compares_the_last_records_once_and_in_no_time_of_others(anna: Visitor):
+    laboratory, compared = Laboratory(anna.server.folder), list[threading.Thread]()
+
+    def compare(*texts: Any, **how: Any) -> list[str]:
+        compared.append(threading.current_thread())
+        return list(unified_diff(*texts, **how))
+
+    about = {"file": "x.toml", "before": "a", "after": "b", "why": "", "who": "Anna", "who_by": "login"}
+    laboratory.append(lambda _: [FileChanged(text=f"x = {number}", **about) for number in range(300)])
+    with patch("rig.lab.laboratory.unified_diff", compare):
+        page = anna.gets("/log").text
+        assert anna.gets("/log").text == page
+    assert len(compared) == 200
+    assert threading.current_thread() not in compared
+    assert (page.count('<li class="card"'), "x = 299" in page, "-x = 99<" in page, "+x = 99<" in page) == (
+        200,
+        True,
+        True,
+        False,
+    )
+
+
 def test_two_keys_and_no_replay(server: Server, anna: Visitor, ben: Visitor):
     bench = server.folder / "bench.toml"
     bench.write_text("approval = true\n" + bench.read_text())
@@ -517,6 +546,26 @@ def test_two_keys_and_no_replay(server: Server, anna: Visitor, ben: Visitor):
     bench.write_text(bench.read_text() + "\n")
     changed = anna.acts("start", proposal=number, confirm="yes")
     assert (changed.status, "changed after its dry run" in changed.text) == (409, True)
+
+
+def test_a_proposal_waits_in_the_queue_once(server: Server, anna: Visitor):
+    number = proposed(server)
+    assert "was added" in anna.acts("start", proposal=number, confirm="yes").text
+    again = anna.acts("start", proposal=number, confirm="yes")
+    assert (again.status, "item 1 of the queue is the same run, and is waiting" in again.text) == (409, True)
+    assert anna.acts("remove", item=1).status == 200
+    assert "was added" in anna.acts("start", proposal=number, confirm="yes").text
+
+
+def test_the_longest_name_of_a_person_is_one_of_an_operator(server: Server):
+    longest = f"{'x' * 80} ({'a' * 32})"
+    assert operator(longest).name == longest
+
+
+def test_no_number_is_too_long_for_a_page(anna: Visitor):
+    for number in ("9" * 5000, "0", "01", "x", "-1"):
+        assert anna.gets(f"/proposal/{number}").status == 404
+    assert anna.gets(f"/proposal/{proposed(anna.server)}").status == 200
 
 
 def test_a_loop_is_started_as_a_run_is_but_never_on_a_bench_with_two_keys(server: Server, anna: Visitor, ben: Visitor):
