@@ -82,14 +82,14 @@ class BoundedProtocol(H11Protocol):
             self._give_up()
             return
         super().data_received(data)
+        if not self._under_way and self._too_late is None and not self.transport.is_closing():
+            self._begin_time_limit()
 
     def handle_events(self) -> None:
         """Handle what has arrived; there is no time limit for the answer to a whole request."""
         super().handle_events()
         if self._under_way:
             self._asked()
-        elif self._too_late is None and not self.transport.is_closing():
-            self._begin_time_limit()
 
     def on_response_complete(self) -> None:
         """Note since when there is no request under way."""
