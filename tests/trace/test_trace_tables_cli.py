@@ -75,7 +75,7 @@ def test_json_report_and_keys(rig, table, tmp_path):
     assert "drift:t_s" in found["sentence"]
     assert "; not confirmed by a measurement of its own." in found["certificate"]
     text = page.read_text()
-    assert text.count("data:image/png;base64,") == 1
+    assert text.count("data:image/png;base64,") == 2
     assert "drift:t_s" in text
 
 
