@@ -1,6 +1,6 @@
 """Least value of a function of one number between two ends.
 
-As `scipy.optimize.minimize_scalar` with bounds, whose package takes 0.2 s to import: longer than most commands work.
+As `scipy.optimize.minimize_scalar` with bounds, whose package takes 0.2 s to import.
 """
 
 from __future__ import annotations

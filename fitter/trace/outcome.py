@@ -16,6 +16,15 @@ from rig.fitter.json_values import JsonValue
 from rig.fitter.trace.shape import Shape
 
 Kind = Literal["effect", "noise", "unnamed"]
+CONDITIONAL = "standard errors of the effects are conditional on their having been selected on these data"
+LEFT_OUT = "left-out error: "
+"""Begin of the note that says how it was made."""
+UNSIGNED = (
+    "no sign and no largest size is asked of an effect in tables of any kind: whether the named cause can be as large, "
+    "and have that sign, is for the reader to judge"
+)
+OF_METHOD = (CONDITIONAL, LEFT_OUT, UNSIGNED)
+"""Notes about the method, or their begins: the same for every run of a kind."""
 
 
 @dataclass(frozen=True)

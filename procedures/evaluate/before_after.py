@@ -26,6 +26,7 @@ class Compared:
         meaning: explanation.
         setting: the setting, if there is a row for each of several; otherwise "".
         in_reports: whether only reports show it.
+        share: value after over that before; None where they have none, or several.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Compared:
     meaning: str
     setting: str = ""
     in_reports: bool = False
+    share: float | None = None
 
 
 def compared(outcome: Outcome) -> Iterator[Compared]:
@@ -55,7 +57,14 @@ def compared(outcome: Outcome) -> Iterator[Compared]:
                 before.meaning,
                 setting,
                 before.in_reports,
+                _share(before.value, after.value),
             )
+
+
+def _share(before: JsonValue, after: JsonValue) -> float | None:
+    if isinstance(before, float) and isinstance(after, float) and before > 0.0:
+        return after / before
+    return None
 
 
 def _above(row: Row) -> bool:

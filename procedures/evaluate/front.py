@@ -46,7 +46,7 @@ def front(outcomes: Sequence[Outcome], sensors: Mapping[str, Any]) -> dict[str, 
             }
             for one, cells in zip(outcomes, rows, strict=True)
         ],
-        "figure": _picture(outcomes),
+        "figure": _picture(outcomes, rows),
     }
 
 
@@ -65,10 +65,14 @@ def _open(sensor: Mapping[str, Any]) -> Iterator[str]:
         yield words
 
 
-def _picture(outcomes: Sequence[Outcome]) -> Figure | None:
-    """Bars: the first error of each sensor after, as a share of that before; None where no sensor has both numbers."""
-    shares = {one.sensor: share for one in outcomes if (share := _share(one)) is not None}
-    if not shares:
+def _picture(outcomes: Sequence[Outcome], rows: Sequence[Sequence[Compared | None]]) -> Figure | None:
+    """Bars: the first error of each sensor in which something was found, as a share of that before; None without one.
+
+    A sensor with nothing found has a grey bar alone: as it was, and not worse than the others.
+    """
+    first = [next((row for row in each if row is not None), None) for each in rows]
+    shares = [row.share if row is not None and one.findings else None for one, row in zip(outcomes, first, strict=True)]
+    if all(share is None for share in shares):
         return None
     from rig.procedures.present.pictures import plots  # noqa: PLC0415 - matplotlib takes a second to import
 
@@ -76,19 +80,12 @@ def _picture(outcomes: Sequence[Outcome]) -> Figure | None:
     axis, places = axes[0, 0], range(len(shares))
     figure.subplots_adjust(left=0.18)
     axis.barh(places, [1.0] * len(shares), color="0.85", height=0.7, label="before")
-    axis.barh(places, [min(v, _LONGEST) for v in shares.values()], color="C0", height=0.7, label="after")
-    axis.set_yticks(list(places), list(shares), fontsize=8)
+    ends = [min(share or 0.0, _LONGEST) for share in shares]
+    axis.barh(places, ends, color="C0", height=0.7, label="after, where something was found")
+    axis.set_yticks(list(places), [one.sensor for one in outcomes], fontsize=8)
     axis.set_xlim(0.0, _LONGEST)
     axis.set_xlabel("standard error: after, where before is 1", fontsize=9)
     axis.tick_params(labelsize=8)
     axis.invert_yaxis()
     axis.legend(fontsize=7, loc="lower right", frameon=False)
     return figure
-
-
-def _share(outcome: Outcome) -> float | None:
-    for before, after in zip(outcome.before, outcome.after, strict=True):
-        if before.label and not before.in_reports:
-            known = isinstance(before.value, float) and isinstance(after.value, float) and before.value > 0.0
-            return after.value / before.value if known else None  # type: ignore[operator]
-    return None

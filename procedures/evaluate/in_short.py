@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
+from rig.fitter.trace.outcome import OF_METHOD
 from rig.procedures.evaluate.front import firsts
 from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, headline
 from rig.procedures.present.words import chance, constants_of, instead, share, unnamed
@@ -14,9 +15,6 @@ from rig.procedures.present.words import chance, constants_of, instead, share, u
 if TYPE_CHECKING:
     from rig.fitter.trace.outcome import Outcome
     from rig.procedures.evaluate.results import Traced
-
-_OF_METHOD = ("standard errors of the effects are conditional", "left-out error: ", "no sign and no largest size")
-"""Beginnings of notes about the method, which are the same for every run."""
 
 
 def in_short(traced: Traced) -> Iterator[Block]:
@@ -48,7 +46,7 @@ def _notes(sensors: Mapping[str, Any]) -> Iterator[Block]:
     of: dict[str, list[str]] = {}
     for name, sensor in sensors.items():
         for note in sensor["notes"]:
-            if not note.startswith(_OF_METHOD):
+            if not note.startswith(OF_METHOD):
                 of.setdefault(note, []).append(name)
     yield from _once(
         [note if len(names) == len(sensors) else f"{', '.join(names)}: {note}" for note, names in of.items()]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from pydantic import Field
 
 from rig.acts.act import Act, Told
@@ -19,21 +21,31 @@ from rig.who import Operator
 PROCEDURE = Field(description="procedure file", json_schema_extra={"of": "procedures"})
 BENCH = Field(description="bench file", json_schema_extra={"of": "benches"})
 HOURS = Field(None, gt=0, le=1000, description="as a loop of this many hours; empty: a single run")
+PRIORITY = Field(0, ge=-1000, le=1000, description="a larger one comes first")
 ITEM = Field(ge=1, description="number of the item")
-
-
-def _loop(hours: float | None) -> list[str]:
-    return [] if hours is None else ["--hours", f"{hours:g}"]
 
 
 def _only(asked: Proposed) -> str:
     return digest_of(asked.documents, asked.run_list)
 
 
-def _add(places: Places, asked: Queued) -> Told:
+def _add(places: Places, by: Operator, act: Dry | Start, files: tuple[Path, Path], *options: str, then: str) -> Told:
+    """Put a procedure on a bench into the queue, for the time and with the priority of an act."""
     file, _ = places.queue()
     places.runs_folder.mkdir(exist_ok=True)
-    added = file.append(asked).added
+    procedure, bench = map(str, files)
+    item = Queued(
+        item=0,
+        command="run" if act.hours is None else "loop",
+        procedure=procedure,
+        bench=bench,
+        options=[*options, *([] if act.hours is None else ["--hours", f"{act.hours:g}"])],
+        priority=act.priority,
+        then=then,
+        who=by.name,
+        who_by=by.by,
+    )
+    added = file.append(item).added
     return Told(f"item {added} of the queue was added", {"item": added}, "queue")
 
 
@@ -43,7 +55,7 @@ class Dry(Act, act="dry-run"):
     procedure: str = PROCEDURE
     bench: str = BENCH
     hours: float | None = HOURS
-    priority: int = Field(0, ge=-1000, le=1000, description="a larger one comes first")
+    priority: int = PRIORITY
 
     def carry_out(self, places: Places, by: Operator) -> Told:
         """Check the files, and add it."""
@@ -52,20 +64,7 @@ class Dry(Act, act="dry-run"):
         given = world if world.is_file() else None
         load_plan(procedure, bench, dry=True, world=given)
         options = ["--dry", *(["--world", str(given)] if given else [])]
-        return _add(
-            places,
-            Queued(
-                item=0,
-                command="run" if self.hours is None else "loop",
-                procedure=str(procedure),
-                bench=str(bench),
-                options=[*options, *_loop(self.hours)],
-                priority=self.priority,
-                then="go on",
-                who=by.name,
-                who_by=by.by,
-            ),
-        )
+        return _add(places, by, self, (procedure, bench), *options, then="go on")
 
 
 class Start(Act, act="start", moves=True):
@@ -73,7 +72,7 @@ class Start(Act, act="start", moves=True):
 
     proposal: int = Field(ge=1, description="number of the proposal")
     hours: float | None = HOURS
-    priority: int = Field(0, ge=-1000, le=1000, description="a larger one comes first")
+    priority: int = PRIORITY
 
     def will(self, places: Places) -> str:
         """Which bench moves. Raises `UsageError` if it may not."""
@@ -86,20 +85,8 @@ class Start(Act, act="start", moves=True):
     def carry_out(self, places: Places, by: Operator) -> Told:
         """Check everything again, and add it."""
         asked = self._checked(places)
-        procedure, bench = places.procedure(asked.procedure), places.bench(asked.bench)
-        return _add(
-            places,
-            Queued(
-                item=0,
-                command="run" if self.hours is None else "loop",
-                procedure=str(procedure),
-                bench=str(bench),
-                options=["--only", _only(asked), *_loop(self.hours)],
-                priority=self.priority,
-                who=by.name,
-                who_by=by.by,
-            ),
-        )
+        files = places.procedure(asked.procedure), places.bench(asked.bench)
+        return _add(places, by, self, files, "--only", _only(asked), then="hold")
 
     def _checked(self, places: Places) -> Proposed:
         """The proposal. Raises `UsageError`.

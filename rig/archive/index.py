@@ -23,7 +23,7 @@ from rig.errors import RigError, UsageError
 
 NAME = ".rig-lab.sqlite"
 """Name of the index in the folder of the laboratory."""
-_VERSION = 1
+_VERSION = 2
 _BUSY_MS = 60_000
 _JUST_NOW_S = 2.0
 """Age of a change below which a folder is read again: dates of change are coarse."""
@@ -39,6 +39,7 @@ CREATE TABLE certificate (path TEXT PRIMARY KEY, number TEXT, issued TEXT, began
     simulated INT, replaces TEXT, customer TEXT) STRICT, WITHOUT ROWID;
 CREATE INDEX certificate_number ON certificate (number);
 CREATE INDEX certificate_replaces ON certificate (replaces);
+CREATE INDEX certificate_simulated ON certificate (path) WHERE simulated = 1;
 CREATE TABLE thing (path TEXT, role TEXT, key TEXT, name TEXT, maker TEXT, model TEXT, serial TEXT, asset TEXT,
     number TEXT, dated TEXT, due TEXT, data TEXT) STRICT;
 CREATE INDEX thing_path ON thing (path);
@@ -108,6 +109,8 @@ class Lab:
         alike = """SELECT asset, group_concat(DISTINCT key) keys FROM thing WHERE asset <> '' AND serial <> ''
             GROUP BY asset HAVING count(DISTINCT key) > 1"""
         found += [f"asset {row['asset']} is several things: {row['keys']}" for row in self.rows(alike)]
+        rows = self.rows(f"SELECT DISTINCT key FROM ({_ITEMS} AND simulated = 1) own WHERE {_REAL}")
+        found += [f"{row['key']}: its simulated certificates are no part of its history" for row in rows]
         return found
 
     def _refresh(self, *, rebuild: bool) -> None:
@@ -201,15 +204,18 @@ class Lab:
             self.db.execute("INSERT INTO item VALUES (?, ?, ?)", (key, rows[-1]["path"], json.dumps(asdict(told))))
 
 
-HISTORY = """SELECT thing.*, certificate.* FROM thing JOIN certificate USING (path)
-    WHERE role = 'item' AND key = ? AND certificate.number NOT IN (SELECT replaces FROM certificate)
-    GROUP BY certificate.number ORDER BY ended, issued, certificate.number"""
-"""Certificates of an item that hold, in order of time; one of several copies."""
+_ITEMS = """SELECT thing.*, certificate.* FROM thing JOIN certificate USING (path) WHERE role = 'item'"""
+_REAL = f"""EXISTS (SELECT 1 FROM ({_ITEMS} AND simulated = 0) other WHERE other.key = own.key)"""
+HISTORY = f"""SELECT * FROM ({_ITEMS} AND key = ?) own
+    WHERE number NOT IN (SELECT replaces FROM certificate) AND (simulated = 0 OR NOT {_REAL})
+    GROUP BY number ORDER BY ended, issued, number"""
+"""Certificates of an item that hold, in order of time; one of several copies; simulated ones where all are."""
 
 
 def _connected(path: Path) -> apsw.Connection:
     db = apsw.Connection(str(path))
     db.set_busy_timeout(_BUSY_MS)
+    db.pragma("journal_mode", "truncate")  # a journal that comes and goes would change the date of the folder
     db.execute("BEGIN IMMEDIATE")
     try:
         if db.pragma("user_version") != _VERSION:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.markup import escape
@@ -46,7 +46,7 @@ def propose(
     with run_progress(simulated=True) as progress:
         made = proposed(procedure, bench, by, why=why, on_progress=progress)
     if as_json:
-        print_json(row(made))
+        print_json(made.to_json())
     else:
         _show(made)
     return ExitCode.DONE
@@ -80,33 +80,15 @@ def approve(
         by = signed_in(laboratory, login, "approver")
         proposal = decide(laboratory, number, "declined" if decline else "approved", why, by)
     if as_json:
-        print_json(row(proposal))
+        print_json(proposal.to_json())
     else:
         _show(proposal)
     return ExitCode.DONE
 
 
-def row(proposal: Proposal) -> dict[str, Any]:
-    """A proposal as JSON values, without the texts of its files."""
-    asked, decided = proposal.asked, proposal.decided
-    return {
-        "number": proposal.number,
-        "state": proposal.state,
-        "procedure": asked.procedure,
-        "bench": asked.bench,
-        "proposed_by": asked.who,
-        "why": asked.why,
-        "decided_by": decided.who if decided is not None else None,
-        "used_by": proposal.used or None,
-        "dry": dict(asked.dry),
-        "sha256": digests_of(asked.documents),
-        "run_list": asked.run_list,
-    }
-
-
 def _list(proposals: list[Proposal], *, as_json: bool) -> None:
     if as_json:
-        print_json([row(one) for one in proposals])
+        print_json([one.to_json() for one in proposals])
         return
     table = Grid(("number", "state", "procedure", "bench", "proposed by"), frame="plain", apart=2)
     for one in proposals:

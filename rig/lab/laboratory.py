@@ -19,6 +19,7 @@ from rig.files.regular import open_regular
 from rig.files.temporary import locked
 from rig.files.toml_text import toml_text
 from rig.lab.people import FILE, People, parse_people
+from rig.run_file.approval import digests_of
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.laboratory import ApprovalUsed, Decided, FileChanged, Proposed
@@ -60,6 +61,23 @@ class Proposal:
     def state(self) -> str:
         """One word: "waiting", "approved", "declined", "used"."""
         return "used" if self.used else "waiting" if self.decided is None else self.decided.decision
+
+    def to_json(self) -> dict[str, Any]:
+        """JSON values, without the texts of its files."""
+        asked, decided = self.asked, self.decided
+        return {
+            "number": self.number,
+            "state": self.state,
+            "procedure": asked.procedure,
+            "bench": asked.bench,
+            "why": asked.why,
+            "who": asked.who,
+            "decided_by": "" if decided is None else decided.who,
+            "decided_why": "" if decided is None else decided.why,
+            "used_by": self.used,
+            "dry": dict(asked.dry),
+            "sha256": {**digests_of(asked.documents), "run list": asked.run_list},
+        }
 
 
 @dataclass

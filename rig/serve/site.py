@@ -20,12 +20,12 @@ from rig.lab.laboratory import Log, Proposal
 from rig.loop import open_program
 from rig.procedures.present.durations import duration
 from rig.register import read_register
-from rig.run_file.approval import digests_of
 from rig.run_file.events.sessions import RunCreated
 from rig.run_file.live import asked_by_hand, live_path, read_json
 from rig.watch import Shelf
+from rig.who import login_of
 
-_FRESH_S = 0.9
+_FRESH_S, _LOOKED_S = 0.9, 300.0
 _MOST_RECORDS, _MOST_LINES = 200, 200
 SOON_DAYS = 30
 Link = tuple[str, str]
@@ -246,7 +246,7 @@ class Site:
                 if bench["held"]:
                     found.append(("/queue", f"{bench['title']}: item {bench['held']} of the queue holds it"))
         for one in self.log().proposals.values():
-            if "approver" in roles and one.state == "waiting" and f"({login})" not in one.asked.who:
+            if "approver" in roles and one.state == "waiting" and login_of(one.asked.who) != login:
                 found.append((f"/proposal/{one.number}", f"Proposal {one.number} waits for an approver"))
             if "operator" in roles and one.state == "approved":
                 found.append((f"/proposal/{one.number}", f"Proposal {one.number} is approved, and not started"))
@@ -260,8 +260,9 @@ class Site:
         """Equipment and items, with due dates; what is due first comes first. Read again after a change only."""
         today = datetime.fromtimestamp(self.utc(), UTC).astimezone().date()
         files = {**self.places.registers(), **self.places.benches()}
-        folders = [self.places.folder / name for name in ("", "certificates", "runs")]
-        now = (today, *((name, _print(path)) for name, path in files.items()), *map(_print, folders))
+        # Certificates of other folders are looked for now and then: folders of runs change all the time.
+        issued = (_print(self.places.folder / "certificates"), int(self.stopwatch() / _LOOKED_S))
+        now = (today, *((name, _print(path)) for name, path in files.items()), *issued)
         with self._lock:
             if self._equipment[0] != now:
                 self._equipment = (now, self._read_equipment(today))
@@ -297,7 +298,9 @@ class Site:
         for thing in certified:
             on = date.fromisoformat(thing.on) if thing.on else None
             about = f"{thing.certificate} of {thing.dated}; due by {thing.by}"
-            rows[thing.key, "item"] = _row(thing.key, "item", about, on, today)
+            row = rows[thing.key, "item"] = _row(thing.key, "item", about, on, today)
+            if thing.only_known_until:  # nothing broke until then, and nobody knows what follows
+                row |= {"due": f"after {thing.on}", "days": "not known", "tone": ""}
         return sorted(rows.values(), key=lambda row: (row["date"] is None, row["date"] or today, row["what"]))
 
     def tells(self) -> dict[str, Callable[[], Any]]:
@@ -337,22 +340,9 @@ class Site:
 
 def proposal_row(one: Proposal) -> dict[str, Any]:
     """A proposal for pages and API, without the texts of its files."""
-    asked, decided = one.asked, one.decided
-    return {
-        "number": one.number,
-        "state": one.state,
-        "procedure": asked.procedure,
-        "bench": asked.bench,
-        "why": asked.why,
-        "who": asked.who,
-        "when": moment(one.asked_utc_s),
-        "decided_by": decided.who if decided is not None else "",
-        "decided_why": decided.why if decided is not None else "",
-        "used_by": one.used,
-        "two_keys": parse_toml(asked.documents.get("bench.toml", ""), "bench.toml").get("approval") is True,
-        "dry": dict(asked.dry),
-        "sha256": {**digests_of(asked.documents), "run list": asked.run_list},
-    }
+    documents = one.asked.documents
+    two_keys = parse_toml(documents.get("bench.toml", ""), "bench.toml").get("approval") is True
+    return {**one.to_json(), "when": moment(one.asked_utc_s), "two_keys": two_keys}
 
 
 def act(name: str, **values: object) -> str:

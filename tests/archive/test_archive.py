@@ -39,12 +39,13 @@ def write(
     replaces: str = "",
     found: float | None = None,
     customer: str = "Meridian",
+    simulated: bool = False,
 ) -> Path:
     """A certificate of a cell, 5 V +- 0.05 V at 10 kN; as found and as left where `found` is given."""
     stages: tuple[tuple[Stage, float], ...] = (
         ((stage, value),) if found is None else (("as found", found), ("as left", value))
     )
-    sample = document()
+    sample = document(simulated=simulated)
     made = replace(
         sample,
         number=number,
@@ -186,6 +187,31 @@ def test_a_recall_by_the_number_of_the_equipments_certificate(tmp_path: Path) ->
     write(tmp_path, "C-1", date(2025, 1, 10))
     with Lab.open(tmp_path) as lab:
         assert [one.number for one in affected(lab, "E-7")] == ["C-1"]
+
+
+def test_a_dry_run_is_no_part_of_the_history_of_a_real_item(tmp_path: Path) -> None:
+    write(tmp_path, "C-1", date(2025, 1, 10))
+    write(tmp_path, "C-2", date(2026, 1, 10), simulated=True, value=5.2)
+    write(tmp_path, "C-3", date(2026, 1, 10), simulated=True, serial="S-2")
+    found = told(tmp_path)
+    assert (found["EXAMPLE 10 kN S-1"].certificate, found["EXAMPLE 10 kN S-1"].simulated) == ("C-1", False)
+    assert found["EXAMPLE 10 kN S-2"].simulated  # all of it is
+    with Lab.open(tmp_path) as lab:
+        assert [row["number"] for row in history(lab, "S-1").certificates] == ["C-1"]
+        assert lab.problems() == ["EXAMPLE 10 kN S-1: its simulated certificates are no part of its history"]
+
+
+def test_a_look_leaves_the_date_of_the_folder_as_it_is(tmp_path: Path) -> None:
+    """Otherwise every look would read the folder again."""
+    write(tmp_path, "C-1", date(2025, 1, 10))
+    told(tmp_path)
+    os.utime(tmp_path, ns=(10**18, 10**18))
+    register(tmp_path, "DVM-1", "2026-03-01")
+    told(tmp_path)
+    os.utime(tmp_path, ns=(10**18, 10**18))
+    (tmp_path / "equipment.toml").write_text((tmp_path / "equipment.toml").read_text() + "\n")
+    told(tmp_path)  # writes the index
+    assert tmp_path.stat().st_mtime_ns == 10**18
 
 
 def test_something_unknown_is_refused(tmp_path: Path) -> None:

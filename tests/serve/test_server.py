@@ -747,3 +747,14 @@ def test_an_item_is_due_by_its_certificates(server: Server, anna: Visitor):
     assert "EXAMPLE 10 kN S-77" in shown
     assert "2025-06-10" in shown
     assert "C-1 of 2025-01-10; due by its cycle" in shown
+
+
+def test_an_item_whose_forecast_has_ended_is_not_called_overdue(server: Server, anna: Visitor):
+    from tests.archive.test_archive import write  # noqa: PLC0415
+
+    folder = server.folder / "certificates"
+    folder.mkdir(exist_ok=True)
+    for year in (2020, 2021, 2022):
+        write(folder, f"C-{year}", date(year, 1, 10), serial="S-77")
+    assert "after 2024-01-" in anna.gets("/equipment").text
+    assert "S-77 was due" not in anna.gets("/").text

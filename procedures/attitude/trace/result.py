@@ -13,7 +13,7 @@ from rig.fitter.json_values import JsonValue
 from rig.fitter.replication import Replication
 from rig.fitter.sums_of_squares import FTest
 from rig.fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
-from rig.fitter.trace.outcome import Instead, Outcome, Parameter, Row, WithError, run_json
+from rig.fitter.trace.outcome import CONDITIONAL, LEFT_OUT, Instead, Outcome, Parameter, Row, WithError, run_json
 from rig.fitter.trace.signs import Refused
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects import Scene
@@ -133,7 +133,7 @@ class SensorTrace:
                 "T_b rose because the lack of fit that was removed stood in its denominator; p_drift is free of that"
             )
         if self.effects:
-            notes.append("standard errors of the effects are conditional on their having been selected on these data")
+            notes.append(CONDITIONAL)
         if self.smooth:
             notes.append("smooth terms without a cause are in the fit: they describe these points and explain nothing")
         if self.cv_rms_before is not None and self.cv_rms_after is not None:
@@ -143,7 +143,7 @@ class SensorTrace:
                     f"is {self.cv_rms_after / self.cv_rms_before:.0%} of what it is without them"
                 )
             notes.append(
-                "left-out error: each replication in turn left out of selection and fit, its offset predicted as zero"
+                f"{LEFT_OUT}each replication in turn left out of selection and fit, its offset predicted as zero"
             )
         return tuple(notes)
 

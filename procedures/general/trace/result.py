@@ -12,16 +12,23 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.json_values import JsonValue
 from rig.fitter.quantiles import t_limit
 from rig.fitter.trace.found import CONFIRMED, Found, Unnamed
-from rig.fitter.trace.outcome import OF_REPLICATIONS, Instead, Outcome, Parameter, Row, WithError, absent
+from rig.fitter.trace.outcome import (
+    CONDITIONAL,
+    LEFT_OUT,
+    OF_REPLICATIONS,
+    UNSIGNED,
+    Instead,
+    Outcome,
+    Parameter,
+    Row,
+    WithError,
+    absent,
+)
 from rig.procedures.general.trace.estimate import Constant, Estimate
 from rig.procedures.general.trace.run import Found as Search
 
 MOST = 100.0
 """Logarithm of a ratio that is as good as infinite."""
-UNBOUNDED = (
-    "no sign and no largest size is asked of an effect in tables of any kind: whether the named cause can be as large, "
-    "and have that sign, is for the reader to judge"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,8 +186,8 @@ class TableTrace:
         """Sentences shown with the numbers before and after."""
         notes = list(self.remarks)
         if self.added:
-            notes.append("standard errors of the effects are conditional on their having been selected on these data")
-            notes.append(UNBOUNDED)
+            notes.append(CONDITIONAL)
+            notes.append(UNSIGNED)
         before, after = self.before.cv_rms, self.after.cv_rms
         if self.left_out and before is not None and after is not None:
             if self.added and after > CONFIRMED * before:
@@ -188,7 +195,7 @@ class TableTrace:
                     f"not confirmed by {self.left_out} left out: with the effects found the error on those is "
                     f"{after / before:.0%} of what it is without them"
                 )
-            notes.append(f"left-out error: {self.left_out} in turn left out, the search repeated without them")
+            notes.append(f"{LEFT_OUT}{self.left_out} in turn left out, the search repeated without them")
         return tuple(notes)
 
     def outcome(self) -> Outcome:

@@ -14,7 +14,18 @@ from rig.fitter.json_values import JsonValue
 from rig.fitter.split_plot import SplitPlotFit
 from rig.fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
 from rig.fitter.trace.growing_noise import Noise
-from rig.fitter.trace.outcome import OF_REPLICATIONS, Instead, Outcome, Parameter, Row, WithError, absent, run_json
+from rig.fitter.trace.outcome import (
+    CONDITIONAL,
+    LEFT_OUT,
+    OF_REPLICATIONS,
+    Instead,
+    Outcome,
+    Parameter,
+    Row,
+    WithError,
+    absent,
+    run_json,
+)
 from rig.fitter.trace.signs import Refused
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.effects.scene import PressureScene
@@ -209,7 +220,7 @@ class TransducerTrace:
             count = len(self.after.fit.whole_plots)
             notes.append(f"effects between whole plots were judged on {count} numbers, one a whole plot")
         if means:
-            notes.append("standard errors of the effects are conditional on their having been selected on these data")
+            notes.append(CONDITIONAL)
         before, after = self.before.cv_rms, self.after.cv_rms
         if before is not None and after is not None:
             if any(effect.stratum == "whole-plot" for effect in means) and after > CONFIRMED * before:
@@ -223,7 +234,7 @@ class TransducerTrace:
                     f"({before:.3g} to {after:.3g} mV): the data left out do not confirm them"
                 )
             notes.append(
-                "left-out error: each whole plot in turn left out of selection and fit, its error predicted as zero"
+                f"{LEFT_OUT}each whole plot in turn left out of selection and fit, its error predicted as zero"
             )
         return tuple(notes)
 
