@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rig.procedures.evaluate.before_after import Compared, compared
-from rig.procedures.present.words import instead, unnamed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -60,9 +59,7 @@ def _open(sensor: Mapping[str, Any]) -> Iterator[str]:
     for effect in sensor["effects"]:
         if effect["doubtful"]:
             yield f"{' or '.join([effect['effect'], *effect['aliases']])}, doubtful"
-    yield from unnamed(sensor)
-    if words := instead(sensor):
-        yield words
+    yield from (f"without a name: {rest['where']}" for rest in sensor["unnamed"])
 
 
 def _picture(outcomes: Sequence[Outcome], rows: Sequence[Sequence[Compared | None]]) -> Figure | None:
@@ -74,7 +71,7 @@ def _picture(outcomes: Sequence[Outcome], rows: Sequence[Sequence[Compared | Non
     shares = [row.share if row is not None and one.findings else None for one, row in zip(outcomes, first, strict=True)]
     if all(share is None for share in shares):
         return None
-    from rig.procedures.present.pictures import plots  # noqa: PLC0415 - matplotlib takes a second to import
+    from rig.procedures.present.pictures import legend_below, plots  # noqa: PLC0415 - matplotlib takes a second to import
 
     figure, axes = plots(1, 1, height=0.9 + _BAR * len(shares))
     axis, places = axes[0, 0], range(len(shares))
@@ -87,5 +84,6 @@ def _picture(outcomes: Sequence[Outcome], rows: Sequence[Sequence[Compared | Non
     axis.set_xlabel("standard error: after, where before is 1", fontsize=9)
     axis.tick_params(labelsize=8)
     axis.invert_yaxis()
-    axis.legend(fontsize=7, loc="lower right", frameon=False)
+    handles, names = axis.get_legend_handles_labels()
+    legend_below(figure, handles, names, 2)
     return figure
