@@ -28,6 +28,7 @@ from rig.procedures.general.order import Parts, alike, identities, time_of
 from rig.procedures.general.own_time import seen_by
 from rig.procedures.general.trace import TableData
 from rig.procedures.tables.file_rows import rows_of_file
+from rig.procedures.tables.moving import sentences
 from rig.procedures.tables.table import Columns, Reader, Table
 
 MOST_LEVELS, ROWS_A_LEVEL = 8, 6
@@ -204,6 +205,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         numbers=table.numbers[order],
         sensors=roles.sensors,
         shares="whole plots" if roles.whole_plot or not roles.replicate else "replications",
+        moving=sentences(table.moving, roles.label, settings),
     )
     return data, tuple(notes)
 

@@ -99,15 +99,19 @@ class Common:
 
 
 def common_of(each: Mapping[str, GeneralTraced]) -> tuple[Common, ...]:
-    """Effects that all outputs of a run have; () for a single output."""
+    """Effects that all outputs of a run have; () for a single output.
+
+    Those without a known error in any output are left out: nothing says then whether their sizes agree.
+    """
     if len(each) < 2:
         return ()
     found = {output: {one.effect: one for one in traced.trace.added} for output, traced in each.items()}
     names = [name for name in next(iter(found.values())) if all(name in own for own in found.values())]
-    return tuple(_common(name, each, {output: own[name] for output, own in found.items()}) for name in names)
+    common = (_common(name, each, {output: own[name] for output, own in found.items()}) for name in names)
+    return tuple(one for one in common if one is not None)
 
 
-def _common(name: str, each: Mapping[str, GeneralTraced], own: Mapping[str, FoundTableEffect]) -> Common:
+def _common(name: str, each: Mapping[str, GeneralTraced], own: Mapping[str, FoundTableEffect]) -> Common | None:
     shapes = np.stack([one.contribution for one in own.values()])
     mean = shapes.mean(0)
     sizes = shapes @ mean / float(mean @ mean)
@@ -118,6 +122,8 @@ def _common(name: str, each: Mapping[str, GeneralTraced], own: Mapping[str, Foun
     if by_time:  # what is left of it depends on when an output was read; its coefficient does not
         sizes = np.array([one.coefficients[0] for one in own.values()])
     errors = sizes * np.array([_relative_error(one, by_time=by_time) for one in own.values()])
+    if not np.isfinite(errors).any():
+        return None
     df = min((one.df for one in own.values() if one.df is not None), default=1.0)
     spread, signs = float(np.ptp(sizes) / np.abs(sizes).mean()), np.sign(sizes)
     table = next(iter(each.values())).table

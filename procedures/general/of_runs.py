@@ -24,6 +24,7 @@ from rig.procedures.general.fit import fit_general
 from rig.procedures.general.model_settings import ModelSettings, SensorModel
 from rig.procedures.general.shown import show_general_fit, show_general_trace
 from rig.procedures.present.blocks import Block, Line, Paragraph
+from rig.procedures.tables.moving import sentences
 from rig.procedures.tables.table import Reader, Table
 from rig.procedures.tables.unused import RECORDED
 
@@ -181,7 +182,8 @@ def fit_run(asked: RunModels, leave_out: Sequence[str] = (), at: Sequence[Mappin
     for column, model in asked.models.items():
         declared = declared_of(model, table)
         one = fit_general(read, column, None, plots, None, leave_out, declared, at=at)
-        found[column] = _noted({**one, "data": {**one["data"], **table.provenance}}, notes)
+        moving = sentences(table.moving, column, table.factors).values()
+        found[column] = _noted({**one, "data": {**one["data"], **table.provenance}}, [*notes, *moving])
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
     first = next(iter(found.values()))

@@ -10,6 +10,7 @@ import numpy as np
 
 from rig.fitter.arrays import IntArray
 from rig.procedures.plan.hand_steps import Made
+from rig.procedures.tables.moving import Moving
 from rig.procedures.tables.within import Within
 
 Columns = Mapping[str, np.ndarray[Any, np.dtype[np.float64]]]
@@ -51,6 +52,7 @@ class Table:
         set_in: columns with the settings of such factors, by the factor.
         understood: how a table of others was read, as JSON values with "sentence"; {} for our own tables.
         within: the readings of which rows are means, by column, if they were recorded.
+        moving: what had not settled when it was read, by column.
         readers: what reads an output or the standard of a factor, by column, as far as the bench of a run says it.
         sources: what sets a factor, by its column.
     """
@@ -72,6 +74,7 @@ class Table:
     factors: tuple[str, ...] = ()
     set_in: Mapping[str, str] = field(default_factory=dict)
     within: Mapping[str, Within] = field(default_factory=dict)
+    moving: Mapping[str, Moving] = field(default_factory=dict)
     readers: Mapping[str, str] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict)
 

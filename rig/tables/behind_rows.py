@@ -10,7 +10,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from rig.procedures.column_names import stem_of, with_word
+from rig.procedures.tables.moving import Moving
 from rig.procedures.tables.table import Table
 from rig.procedures.tables.within import Within
 from rig.run_file.events.points import Observed
@@ -56,6 +59,24 @@ def within_points(every: Sequence[Observed]) -> dict[str, Within]:
         channels = [seen.outputs[name] for seen in every if name in seen.outputs]
         found[name] = Within.of([one["sd"] for one in channels], [len(one["readings"]) for one in channels])
     return {name: one for name, one in found.items() if one is not None}
+
+
+def moving_inside(every: Sequence[tuple[Observed, Mapping[str, float]]]) -> dict[str, Moving]:
+    """What had not settled when it was read, by column: outputs and what standards read.
+
+    Args:
+        every: observations, and how far each factor was changed before it.
+    """
+    found: dict[str, Moving] = {}
+    for name in dict.fromkeys(name for seen, _ in every for name in (*seen.references, *seen.outputs)):
+        there = [(channels[name], steps) for seen, steps in every if name in (channels := _channels(seen))]
+        points = [np.array(channel["readings"], np.float64) for channel, _ in there]
+        for factor in dict.fromkeys(factor for _, steps in there for factor in steps):
+            steps_of = np.array([steps.get(factor, 0.0) for _, steps in there])
+            one = Moving.seen(points, steps_of, factor)
+            if one is not None and (name not in found or one.change > found[name].change):
+                found[name] = one
+    return found
 
 
 def _channels(seen: Observed) -> Mapping[str, Mapping[str, Any]]:

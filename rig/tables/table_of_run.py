@@ -35,7 +35,7 @@ from rig.run_file.state.corrected import Corrections
 from rig.run_file.state.documents import Stored, declared_model, kind_of_run, mounting_of
 from rig.run_file.state.state import read_state
 from rig.run_file.verify.verification import LOOP
-from rig.tables.behind_rows import evidence_of, fill_flags, within_points
+from rig.tables.behind_rows import evidence_of, fill_flags, moving_inside, within_points
 from rig.tables.own_times import keep_those_that_differ, own_times, typed_in
 from rig.tables.set_in import put_in_place, setters_of
 
@@ -65,7 +65,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         turned = {f"mounting_{axis}": turn for axis, turn in mounting_of(documents).items()}
         made, settings, typed = ((), [], {}) if salvage else (_by_hand(reader), _set_by_hand(reader), typed_in(reader))
         rows: list[dict[str, float]] = []
-        left_out, rejected, flags, used = 0, 0, Counter[str](), list[Observed]()
+        left_out, rejected, flags, used = 0, 0, Counter[str](), list[tuple[Observed, Mapping[str, float]]]()
         doubted = _doubted(reader.salvage() if salvage else reader.records(WholePlotLost.kind))
         marks = partial(_mark, told_later={} if salvage else _told_later(reader), evidence=evidence)
         corrections = Corrections(reader.salvage() if salvage else reader.records(Corrected.kind), run_list)
@@ -95,7 +95,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
                 row |= dict.fromkeys(_MOUNTING, 0.0) | turned
             row |= {"simulated": 1.0} if run.simulated else {}
             rows.append(row)
-            used += [seen] if accepted else []
+            used += [(seen, _steps(record, seen, run_list))] if accepted else []
         instruments, operators = ({}, []) if salvage else (_instruments(reader, documents), _operators(reader))
         last = began if salvage else max((r.utc_s for r in reader.records(Observed.kind)), default=began)
         head, ended = reader.head()[1], not salvage and any(True for _ in reader.records(Ended.kind))
@@ -130,8 +130,13 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         **({CORRECTED: corrections.told} if corrections.told else {}),
     }
     about = Table(str(path), _package_temperature(columns, bench), run.simulated, provenance)
-    about = replace(_of_sensors(about, bench, run_list, set_in), within=within_points(used))
-    return replace(about, declared=declared_model(documents), kind=kind_of_run(documents), by_hand=made)
+    about = replace(about, within=within_points([seen for seen, _ in used]), moving=moving_inside(used))
+    return replace(
+        _of_sensors(about, bench, run_list, set_in),
+        declared=declared_model(documents),
+        kind=kind_of_run(documents),
+        by_hand=made,
+    )
 
 
 def _without_rows(path: Path, documents: Mapping[str, str]) -> RunFileError:
@@ -350,6 +355,12 @@ def _row(record: Record, seen: Observed, run_list: RunList, order: int, factors:
             if f.name in factors:  # kinds with factors of their own have no use for it
                 row[since] = round(max(row["elapsed_s"] - stepped_s, 0.0), 3)
     return row | {"block": record.session, "run_index": point.index}
+
+
+def _steps(record: Record, seen: Observed, run_list: RunList) -> dict[str, float]:
+    """How far each easy factor was changed before an observation, as far as it is recorded."""
+    setting = run_list.setting(run_list.points[int(record.run_index or 0)])
+    return {f.name: setting[f.name] - seen.moved[f.axis][1] for f in run_list.easy if f.axis in seen.moved}
 
 
 def _fill(

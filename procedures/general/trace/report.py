@@ -76,7 +76,11 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
     wandering = slow if wanders else set()
     tried = judge.problem.sensors * sum(len(c.term.labels) for c in judge.candidates)
     effects = [
-        replace(effect, share=float(share), doubtful=doubts.get(effect.effect) or _doubt(effect, wandering, tried))
+        replace(
+            effect,
+            share=float(share),
+            doubtful=_unsettled(effect, data) or doubts.get(effect.effect) or _doubt(effect, wandering, tried),
+        )
         for effect, share in zip(shown, divided, strict=True)
     ]
     effects.sort(key=lambda effect: -effect.share)
@@ -115,6 +119,14 @@ def _apart_from(judge: TableJudge, terms: tuple[int, ...], apart: IntArray) -> F
     own = np.zeros((judge.problem.n, apart.size))
     own[apart, np.arange(apart.size)] = 1.0
     return np.hstack([judge.problem.of(terms), own])
+
+
+def _unsettled(effect: FoundTableEffect, data: TableData) -> str | None:
+    """Reason for doubt about what depends on times and sides, where a setting still moved while it was read."""
+    moved = [name for name in data.moving if name != data.response]
+    if not moved or not (effect.dynamic or effect.family == "direction"):
+        return None
+    return f"{moved[0]} had not settled when it was read, which looks like this"
 
 
 def _doubt(effect: FoundTableEffect, wandering: Collection[str], tried: int) -> str | None:
@@ -302,6 +314,7 @@ def _remarks(found: Found, data: TableData, after: Estimate) -> tuple[str, ...]:
             f"neighbouring rows in {data.shares} are not independent: effects were judged against a correlation of "
             f"{noise.grid[at, 2]:.2f}"
         )
+    remarks += data.moving.values()
     lags = [one for one in (judge.candidates[j].effect for j in found.chosen) if one.kind.terms is lag]
     remarks += [
         f"{one.name}: when {one.columns[0]} was set is not known; it is taken to change evenly from row to row. "

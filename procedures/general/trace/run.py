@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -64,6 +65,7 @@ class TableData:
             correlated, but effects of time cannot be tested.
         numbers: (n,) row number in the file; None for 1, 2, 3.
         sensors: of the run, each of which is searched.
+        moving: what had not settled when it was read, by column, with a sentence; of the response, and what was set.
     """
 
     response: str
@@ -79,6 +81,7 @@ class TableData:
     numbers: IntArray | None = None
     sensors: int = 1
     shares: str = "whole plots"
+    moving: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def rows(self) -> list[int]:
