@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
 from rig.acts.places import Places
 from rig.errors import UsageError
@@ -43,6 +43,7 @@ class Act(BaseModel):
         moves: whether something may move after it: it is then confirmed once more.
         again: whether the password is asked for again.
         slow: whether it takes seconds of a processor: a server does it in a process of its own.
+        brief: of a slow one, whether it takes seconds only: it then waits for none that takes minutes.
         proposes: whether it commands nothing and decides nothing, so that a language model may do it (`rig mcp`).
     """
 
@@ -53,6 +54,7 @@ class Act(BaseModel):
     moves: ClassVar[bool] = False
     again: ClassVar[bool] = False
     slow: ClassVar[bool] = False
+    brief: ClassVar[bool] = False
     proposes: ClassVar[bool] = False
 
     def __init_subclass__(
@@ -63,6 +65,7 @@ class Act(BaseModel):
         moves: bool = False,
         again: bool = False,
         slow: bool = False,
+        brief: bool = False,
         proposes: bool = False,
     ) -> None:
         """Register the class; arguments are the attributes of the same names."""
@@ -70,14 +73,21 @@ class Act(BaseModel):
         if proposes and (moves or again):
             raise TypeError(f"{act} moves or decides something: it is more than a proposal")
         cls.name, cls.role, cls.moves, cls.again, cls.slow, cls.proposes = act, role, moves, again, slow, proposes
+        cls.brief = brief
         _ACTS[act] = cls
 
     @field_validator("*")
     @classmethod
-    def _one_line(cls, value: object) -> object:
-        if isinstance(value, str) and not value.isprintable():
+    def _one_line(cls, value: object, info: ValidationInfo) -> object:
+        lines = LINES in of_field(cls, info.field_name or "")
+        if isinstance(value, str) and not value.isprintable() and not lines:
             raise ValueError("a text has one line of printable characters")
         return value
+
+    @classmethod
+    def proposed_values(cls, given: Mapping[str, str], places: Places) -> Mapping[str, str]:
+        """Values that a form proposes, by those that are given."""
+        return {}
 
     def will(self, places: Places) -> str:
         """What will happen, a sentence, for the person who confirms it. Raises `UsageError` if it cannot happen."""
@@ -94,6 +104,14 @@ class Act(BaseModel):
 
 
 _ACTS: dict[str, type[Act]] = {}
+LINES, KEPT = "lines", "kept"
+"""Marks of a field: a text of several lines; a value that a form carries along, and nobody types."""
+
+
+def of_field(act: type[Act], name: str) -> Mapping[str, Any]:
+    """Marks of a field, such as the sort of names that it may have, `of`."""
+    extra = act.model_fields[name].json_schema_extra if name in act.model_fields else None
+    return extra if isinstance(extra, dict) else {}
 
 
 def acts() -> Iterator[type[Act]]:

@@ -139,7 +139,7 @@ class Sign(Act, act="sign", role="approver", again=True, slow=True):
         with RunReader.open(run) as reader:
             simulated = is_simulated(reader)
         day = datetime.fromtimestamp(RealClock().utc(), UTC).date()
-        settings = places.folder / "certificate.toml"
+        settings = places.certificate_settings(run)
         asked = CertificateRequest((run,), day, settings=settings, today=None if simulated else day)
         how = Issue(out, because=self.because)
         check_extras(how)

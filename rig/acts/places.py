@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,11 @@ from rig.lab import Laboratory
 from rig.queue import Queue, QueueFile, open_queue
 from rig.run_file.verify.verification import LOOP_SUFFIX
 
+CERTIFICATE = "certificate.toml"
+SECRET = ("people.toml", "notify.toml")
+"""Files that have passwords and keys."""
+FOLDERS = ("runs", "proposals", "reports", "calibrations", "certificates")
+"""Folders of a laboratory that have a meaning."""
 _MOST = 2000
 """Files of a sort that are looked at, the newest first."""
 
@@ -56,12 +62,30 @@ class Places:
 
     def benches(self) -> dict[str, Path]:
         """Bench files by their path in the folder."""
-        return {name: path for name, path in self._toml().items() if "instruments" in _values(path)}
+        return self._of_sort("bench")
 
     def procedures(self, bench: Path | None = None) -> dict[str, Path]:
         """Procedure files by their path in the folder; with a bench, those in its folder."""
-        every = {name: path for name, path in self._toml().items() if "kind" in _values(path)}
+        every = self._of_sort("procedure")
         return {name: path for name, path in every.items() if bench is None or path.parent == bench.parent}
+
+    def _of_sort(self, sort: str) -> dict[str, Path]:
+        return {name: path for name, path in self._toml().items() if self.sort_of(_values(path)) == sort}
+
+    def sort_of_file(self, path: Path) -> str:
+        """The sort of a settings file as it is now."""
+        return self.sort_of(_values(path))
+
+    @staticmethod
+    def sort_of(values: Mapping[str, object]) -> str:
+        """The sort of a settings file by its values: "bench", "procedure", "register", "instrument", or "other"."""
+        if "instruments" in values:
+            return "bench"
+        if "kind" in values:
+            return "procedure"
+        if isinstance(values.get("equipment"), dict):
+            return "register"
+        return "instrument" if {"wire", "identity", "scpi"} & values.keys() else "other"
 
     def bench(self, name: str) -> Path:
         """A bench file by its name. Raises `UsageError`."""
@@ -73,7 +97,32 @@ class Places:
 
     def registers(self) -> dict[str, Path]:
         """Registers of equipment by their path in the folder."""
-        return {name: path for name, path in self._toml().items() if isinstance(_values(path).get("equipment"), dict)}
+        return self._of_sort("register")
+
+    def instruments(self) -> dict[str, Path]:
+        """Files of declared instruments by their path in the folder."""
+        return self._of_sort("instrument")
+
+    def settings(self) -> dict[str, Path]:
+        """Settings files that pages may show and change, by their path in the folder: none with secrets, none by links.
+
+        Example:
+            >>> "people.toml" in Places(Laboratory(Path("."))).settings()
+            False
+        """
+        inside = self.folder.resolve()
+        return {name: path for name, path in self._toml().items() if path.name not in SECRET and _own(path, inside)}
+
+    def setting(self, name: str) -> Path:
+        """A settings file by its name. Raises `UsageError`."""
+        return _one(self.settings(), name, "settings file")
+
+    def certificate_settings(self, run: Path) -> Path:
+        """Settings of a run's certificate: those beside the bench of its item of the queue, or of the laboratory."""
+        file, queue = self.queue()
+        benches = (one.bench for one in queue.items.values() if run.parent == file.folder_of(one.number))
+        beside = Path(next(benches, self.folder)).with_name(CERTIFICATE)
+        return beside if beside.is_file() else self.folder / CERTIFICATE
 
     def documents(self) -> dict[str, Path]:
         """Reports, certificates and calibrations, the newest first, by their path in the folder; nothing by links."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -14,15 +13,11 @@ from rig.cli.commands import app
 from rig.cli.progress import run_progress
 from rig.cli.show import err, out, show_notes
 from rig.errors import ExitCode, RigError
-from rig.procedures.present.blocks import Line
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.terminal import show
 
 if TYPE_CHECKING:
     from rig.new.questions import Question
-
-_CERTIFICATE = "a certificate would"
-"""In the lines of a plan that say what a certificate lacks; all are missing from a first register."""
 
 
 @app.command()
@@ -79,23 +74,12 @@ def _told(folder: Path, answers: dict[str, Any]) -> None:
 
 def _plan(files: dict[str, str]) -> None:
     """Show the plan of these files, as `rig plan` does. Raises `RigError`."""
-    from rig.verbs.plan.result import plan  # noqa: PLC0415
+    from rig.new.planned import planned  # noqa: PLC0415
 
-    with TemporaryDirectory(prefix="rig-new-") as name:
-        folder = Path(name)
-        for file, text in files.items():
-            (folder / file).write_text(text, encoding="utf-8")
-        try:
-            with run_progress(simulated=True) as progress:
-                planned = plan(folder / "procedure.toml", folder / "bench.toml", out=Path(), on_progress=progress)
-        except RigError as error:
-            error.args = (str(error).replace(f"{folder}/", ""),)
-            raise
-        later = [one for one in planned.blocks() if isinstance(one, Line) and _CERTIFICATE in one.text]
-        show((one for one in planned.blocks() if one not in later), out)
-        if later:
-            out.print(f"  a certificate needs {len(later)} things more, most in equipment.toml: `rig plan` lists them")
-        show_notes(planned)
+    with run_progress(simulated=True) as progress:
+        plan, blocks = planned(files, progress)
+    show(blocks, out)
+    show_notes(plan)
 
 
 def _asked(act: str) -> dict[str, Any]:
@@ -136,44 +120,22 @@ def _prompt(words: str, assumed: str) -> str:
 
 def _answer(question: Question, answers: dict[str, Any]) -> Any:
     """The checked answer of a person."""
-    err.print(f"\n[bold]{escape(question.ask)}[/] [dim]{escape(question.why)}[/]", soft_wrap=True)
+    from rig.new.asked import as_typed  # noqa: PLC0415
+
+    why = f"{question.why}; ? lists ports, ? ADDRESS asks there who it is" if question.port else question.why
+    err.print(f"\n[bold]{escape(question.ask)}[/] [dim]{escape(why)}[/]", soft_wrap=True)
     for number, (name, words) in enumerate(question.choices(answers).items(), 1):
         err.print(f"  {number:>2} {escape(name)}  [dim]{escape(words)}[/]", no_wrap=True, overflow="ellipsis")
-    assumed = _shown(question.default(answers))
+    assumed = as_typed(question.default(answers))
     while True:
         said = _prompt(" ", assumed)
         if question.port and said.startswith("?"):
-            _ports(said.removeprefix("?").strip())
+            from rig.new.wires import who_is_there  # noqa: PLC0415
+
+            for line in who_is_there(said.removeprefix("?").strip()):
+                err.print(f"  {escape(line)}", soft_wrap=True)
             continue
         try:
             return question.check(said, answers)
         except ValueError as error:
             err.print(f"[yellow]{escape(str(error))}[/]", soft_wrap=True)
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, list):
-        return " ".join(f"{one:.12g}" for one in value)
-    if isinstance(value, dict):
-        from rig.files.toml_text import toml_text  # noqa: PLC0415
-
-        return toml_text({"x": [value]}).strip().removeprefix("x = [").removesuffix("]")
-    return f"{value:.12g}" if isinstance(value, float) else str(value)
-
-
-def _ports(address: str) -> None:
-    """Serial ports of this machine; of a named address, who answers an identity question there."""
-    from rig.drivers.clock import RealClock  # noqa: PLC0415
-    from rig.drivers.errors import DriverError  # noqa: PLC0415
-    from rig.unattended.doctor.addresses import serial_ports  # noqa: PLC0415
-    from rig.verbs.instrument.scan import scan  # noqa: PLC0415
-
-    if not address:
-        found = serial_ports()
-    else:
-        try:
-            found = [f"{driver}: {who}" for driver, who in scan(address, RealClock())]
-        except (DriverError, RigError) as error:
-            found = [str(error)]
-    for line in found or ["nobody answers who is known" if address else "no USB serial port is present"]:
-        err.print(f"  {escape(line)}", soft_wrap=True)

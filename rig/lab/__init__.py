@@ -3,7 +3,7 @@
 The public face: `laboratory_of` a file, and the `Laboratory` with its people and its log.
 """
 
-from rig.lab.laboratory import Laboratory, Log, differences, laboratory_in, laboratory_of
+from rig.lab.laboratory import Laboratory, Log, differences, laboratory_in, laboratory_of, without_secrets
 from rig.lab.people import People, Person, WrongPassword, by_password, by_token, check_role, proven
 
 __all__ = [
@@ -19,4 +19,5 @@ __all__ = [
     "laboratory_in",
     "laboratory_of",
     "proven",
+    "without_secrets",
 ]

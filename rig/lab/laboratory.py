@@ -154,8 +154,7 @@ class Laboratory:
             UsageError: as `change` raises it, or the disk refuses.
         """
         path = self.people_file
-        with locked(self.folder):
-            self._note(by, "")
+        with self.changing(why, by):
             values = parse_toml(read_text(path, "people"), str(path)) if path.exists() else {}
             parse_people(toml_text(values), str(path))
             people = values.setdefault("people", {})
@@ -165,6 +164,18 @@ class Laboratory:
             if not path.exists():  # hashes are for nobody else to read
                 os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
             write_whole(path, lambda file: file.write(f"# Written by rig person.\n{text}"))
+
+    @contextlib.contextmanager
+    def changing(self, why: str, by: Operator) -> Iterator[None]:
+        """Change settings files in this block; the log says then who did it, and by which command.
+
+        Args:
+            why: the command.
+            by: who changes them.
+        """
+        with locked(self.folder):
+            self._note(by, "")
+            yield
             self._note(by, why)
 
     def note_changes(self, by: Operator) -> Log:
@@ -212,7 +223,12 @@ class Laboratory:
                 text = file.read(_MOST_BYTES).decode()
         except (OSError, UnicodeDecodeError):
             return ""
-        return _SECRET.sub(r'\1"not shown"', text) if len(text) <= _MOST_TEXT else ""
+        return without_secrets(text) if len(text) <= _MOST_TEXT else ""
+
+
+def without_secrets(text: str) -> str:
+    """The text of a settings file, with "not shown" for values of keys that may be secrets."""
+    return _SECRET.sub(r'\1"not shown"', text)
 
 
 def laboratory_of(path: Path) -> Laboratory | None:

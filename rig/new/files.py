@@ -20,9 +20,9 @@ from rig.procedures.column_names import spelled, unit_of
 from rig.units.of_instruments import ATMOSPHERE_PSIA, TEMPERATURE_UNIT
 from rig.verbs.instrument.catalogue import text_named
 
-NAMES = ("bench.toml", "procedure.toml", "equipment.toml", "world.toml", "answers.toml")
+NAMES = ("bench.toml", "procedure.toml", "equipment.toml", "certificate.toml", "world.toml", "answers.toml")
 """Files that are written."""
-BENCH, PROCEDURE, REGISTER, WORLD, ANSWERS = NAMES
+BENCH, PROCEDURE, REGISTER, CERTIFICATE, WORLD, ANSWERS = NAMES
 _NAMES, _ASSETS = {SETS: "source", READS: "meter", CHAMBER: "chamber"}, {SETS: "SET-01", READS: "READ-01"}
 _ASSETS[CHAMBER] = "CH-01"
 _SOAKED_BY, _ROOM = 15.0, (0.0, 30.0)
@@ -35,7 +35,7 @@ def texts(answers: Answers) -> dict[str, str]:
         for part in _parts(answers)
         if is_file(answers[with_key(part)])
     }
-    made = {BENCH: _bench, PROCEDURE: _procedure, REGISTER: _register, WORLD: _world}
+    made = {BENCH: _bench, PROCEDURE: _procedure, REGISTER: _register, CERTIFICATE: _certificate, WORLD: _world}
     files = {key: f"./{Path(value).name}" for key, value in answers.items() if _own_file(key, value)}
     kept = f"# The answers to the questions. With --answers {ANSWERS}, rig new makes the same files of them.\n"
     return {
@@ -277,6 +277,14 @@ def _statement(asset: str, quantity: str, unit: str) -> Iterator[str]:
     yield "expanded = 0.01"
     yield "k = 2"
     yield "probability = 0.95"
+
+
+def _certificate(answers: Answers) -> Iterator[str]:
+    yield "# What your certificates say beside the results. Fill in what is empty. Keys: `rig explain certificate`."
+    yield _line("number", "CAL-{year}-{next:04d}", "the next number that no certificate has")
+    yield _line("country", "", "of your laboratory, two letters: GB")
+    yield _line("item", "", "what you calibrate, in words: load cell, 10 kN")
+    yield from ["", "[method]", _line("name", "", "your procedure, by number and title")]
 
 
 def _world(answers: Answers) -> Iterator[str]:

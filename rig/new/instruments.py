@@ -53,10 +53,14 @@ class _Nowhere:
         return "nowhere"
 
 
-@cache
 def driver(name: str) -> type[Any]:
-    """The driver of a name, or of a file's path. Raises `RigError`."""
-    found: Any = driver_class(text_named(str(Path(name).expanduser()))[0] if is_file(name) else name)
+    """The driver of a name, or of a file's path as it is now. Raises `RigError`."""
+    return _driver(text_named(str(Path(name).expanduser()))[0] if is_file(name) else name)
+
+
+@cache
+def _driver(name: str) -> type[Any]:
+    found: Any = driver_class(name)
     return cast(type, found)
 
 

@@ -125,8 +125,7 @@ def _wired(part: str) -> Callable[[Answers], bool]:
 _PLACES = {"serial": "/dev/rig/{}", "modbus": "modbus-tcp://192.0.2.10:502/1", "can": "can:socketcan/can0"}
 
 
-_WHERE = "such as /dev/ttyUSB0, COM4, socket://HOST:5025, modbus-tcp://HOST:502/UNIT, visa://GPIB0::9::INSTR; "
-_WHERE += "? lists ports, ? ADDRESS asks there who it is"
+_WHERE = "such as /dev/ttyUSB0, COM4, socket://HOST:5025, modbus-tcp://HOST:502/UNIT, visa://GPIB0::9::INSTR"
 
 
 def _address(part: str) -> Question:
@@ -183,7 +182,7 @@ QUESTIONS: tuple[Question, ...] = (
         lambda _: [0.0, 2.0, 4.0, 6.0, 8.0, 10.0], lambda v, _: of.levels(v),
     ),
     Question(
-        "sets_with", "With which instrument is it set?", "name or number, or your own file ./NAME.toml",
+        "sets_with", "With which instrument is it set?", "its name, or your own file ./NAME.toml",
         _with(SETS), lambda v, a: instruments.named(SETS, v, a), lambda a: instruments.offered(SETS, a),
     ),
     _address(SETS),
@@ -196,7 +195,7 @@ QUESTIONS: tuple[Question, ...] = (
         lambda _: "V", lambda v, _: of.unit(v),
     ),
     Question(
-        "reads_with", "With which instrument is it read?", "name or number, or your own file ./NAME.toml",
+        "reads_with", "With which instrument is it read?", "its name, or your own file ./NAME.toml",
         _with(READS), lambda v, a: instruments.named(READS, v, a), lambda a: instruments.offered(READS, a),
     ),
     Question("channels", "How many are read?", "each is a channel of it", lambda _: 1, _channels),

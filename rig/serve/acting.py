@@ -34,6 +34,7 @@ class Acting:
     _passwords: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))  # 64 MB each
     _waiting: int = 0
     _slow: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
+    _brief: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
 
     async def password(self, login: str, password: str, address: str) -> Person:
         """The person with this password.
@@ -75,7 +76,8 @@ class Acting:
     async def carry_out(self, act: Act, by: Operator) -> Told:
         """Do it, and log after it which files an editor has changed. Raises `RigError`."""
         if act.slow:
-            told = await to_thread.run_sync(apart, act, self.places.laboratory, by, limiter=self._slow)
+            limiter = self._brief if act.brief else self._slow
+            told = await to_thread.run_sync(apart, act, self.places.laboratory, by, limiter=limiter)
         else:
             told = await to_thread.run_sync(act.carry_out, self.places, by)
         with contextlib.suppress(RigError, OSError):  # the act was done, whether the log can be written or not

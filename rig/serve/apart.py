@@ -15,22 +15,26 @@ from rig.lab import Laboratory
 from rig.procedures.errors import DataError
 from rig.who import Operator
 
-_MOST_S = 7200.0
+_MOST_S, _MOST_BRIEF_S = 7200.0, 60.0
 
 
 def apart(act: Act, laboratory: Laboratory, by: Operator) -> Told:
     """Do an act in a process that ends what it began, even if this one is killed. Raises `RigError`."""
     values = act.model_dump(exclude_none=True)
     asked = {"act": act.name, "values": values, "by": [by.name, by.by], "folder": str(laboratory.folder)}
-    done = subprocess.run(
-        [sys.executable, "-m", "rig.serve.apart"],
-        input=json.dumps(asked),
-        capture_output=True,
-        text=True,
-        timeout=_MOST_S,
-        start_new_session=True,
-        check=False,
-    )
+    most_s = _MOST_BRIEF_S if act.brief else _MOST_S
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "rig.serve.apart"],
+            input=json.dumps(asked),
+            capture_output=True,
+            text=True,
+            timeout=most_s,
+            start_new_session=True,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise UsageError(f"{act.name} took more than {most_s:.0f} s, and was ended") from None
     try:
         told = json.loads(done.stdout)
     except ValueError:

@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
 _MOST_BYTES = 64 << 10
-_MOST_FIELDS = 50
+_MOST_FIELDS = 100
 _MOST_S = 10.0
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from rig.acts import Act, Places
+from rig.acts.act import KEPT, LINES, of_field
 from rig.errors import RigError
 from rig.run_file.live import asked_by_hand, live_path, read_json
 
@@ -19,7 +20,7 @@ class Input:
         name: of the field.
         label: for people.
         value: as given.
-        kind: "number", "text", "choice".
+        kind: "number", "text", "choice", "lines", "kept" for a value that is only carried along.
         choices: permitted values; () for any.
         needed: whether it has to be given.
     """
@@ -34,21 +35,21 @@ class Input:
 
 def inputs_of(act: type[Act], given: Mapping[str, str], places: Places) -> list[Input]:
     """Inputs of an act, with the values that are given."""
-    found = []
+    given, found = {**act.proposed_values(given, places), **given}, []
     for name, field in act.model_fields.items():
-        extra = field.json_schema_extra
-        of = str(extra["of"]) if isinstance(extra, dict) and "of" in extra else ""
-        choices = tuple(_choices(of, given, places))
+        marks = of_field(act, name)
+        choices = tuple(_choices(str(marks.get("of", "")), given, places))
         number = int in (field.annotation, *typing.get_args(field.annotation))
         default = "" if field.is_required() or field.default is None else str(field.default)
         label = field.description or name
         asks = _asks(given.get("run", ""), places) if name == "value" else ""
+        kind = "choice" if choices else "number" if number else "text"
         found.append(
             Input(
                 name,
                 f"{label} ({asks})" if asks else label,
-                given.get(name, default)[:1000],
-                "choice" if choices else "number" if number else "text",
+                given.get(name, default)[: None if LINES in marks else 1000],
+                LINES if LINES in marks else KEPT if KEPT in marks else kind,
                 choices,
                 field.is_required() or bool(asks),
             )

@@ -13,12 +13,13 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Route
 
-from rig.acts import Act, act_of, acts
+from rig.acts import Act, act_of, acts, of_files
 from rig.errors import RigError, UsageError
 from rig.lab import WrongPassword, proven
 from rig.serve.acting import Acting, NotConfirmed
 from rig.serve.asked import address_of, form_of, own_page
 from rig.serve.fields import Input, inputs_of
+from rig.serve.first_files import FirstFiles
 from rig.serve.sessions import Session, Sessions
 from rig.serve.site import Site
 from rig.watch.app import Page, Pages, Pause
@@ -41,6 +42,7 @@ NAVIGATION = (
     ("/proposals", "Proposals"),
     ("/results", "Results"),
     ("/equipment", "Equipment"),
+    ("/files", "Files"),
     ("/log", "Log"),
 )
 
@@ -64,6 +66,7 @@ class LaboratoryPages:
         self._templates = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
         self._templates.filters["part"] = lambda text: quote(str(text), safe="")
         self._templates.filters["path"] = lambda text: quote(str(text), safe="/")
+        self._new = FirstFiles(acting, self._shown)
         self._runs = Pages(site.shelf, pause, _MOST_STREAMS, site.acts_of_run, self._lasting, above="/runs")
 
     def routes(self) -> list[Route]:
@@ -78,6 +81,7 @@ class LaboratoryPages:
             "/results": self._results,
             "/certificates": self._results,
             "/equipment": self._equipment,
+            "/files": self._settings,
             "/log": self._changes,
             "/file/{name:path}": self._file,
             "/run/{name}": lambda request, _: self._runs.run(request),
@@ -224,6 +228,10 @@ class LaboratoryPages:
         rows = await to_thread.run_sync(self._site.equipment)
         return self._shown("equipment.html.j2", session, "/equipment", rows=rows)
 
+    async def _settings(self, _request: Request, session: Session) -> Response:
+        folders = await to_thread.run_sync(self._site.settings)
+        return self._shown("files.html.j2", session, "/files", folders=folders)
+
     async def _changes(self, _request: Request, session: Session) -> Response:
         changes = await to_thread.run_sync(self._site.changes)
         return self._shown("log.html.j2", session, "/log", changes=changes)
@@ -245,6 +253,8 @@ class LaboratoryPages:
         known = next((one for one in acts() if one.name == name), None)
         if known is None:
             raise HTTPException(404)
+        if known is of_files.New:
+            return await self._new.page(request, session)
         form: dict[str, str] = request.state.form if request.method == "POST" else dict(request.query_params)
         password = form.pop("password", "") if request.method == "POST" else ""
         confirmed = form.pop("confirm", "") == "yes" and request.method == "POST"

@@ -325,16 +325,21 @@ class Site:
         except RigError:
             return []  # the folder cannot be written: `rig lab` says so
 
+    def settings(self) -> dict[str, list[dict[str, str]]]:
+        """Settings files by folder."""
+        found: dict[str, list[dict[str, str]]] = {}
+        for name, path in self.places.settings().items():
+            folder, _, title = name.rpartition("/")
+            about = {"name": name, "title": title, "sort": self.places.sort_of_file(path), "when": changed(path)}
+            found.setdefault(folder, []).append(about)
+        return found
+
     def documents(self, folder: str, *forms: str) -> list[dict[str, str]]:
         """Files of a folder with these endings, the newest first."""
         found = []
         for name, path in self.places.documents().items():
             if name.startswith(folder) and path.suffix[1:] in forms:
-                try:
-                    changed = path.stat().st_mtime
-                except OSError:
-                    continue
-                found.append({"name": name, "title": path.name, "when": moment(changed)})
+                found.append({"name": name, "title": path.name, "when": changed(path)})
         return found
 
 
@@ -355,6 +360,14 @@ def moment(utc_s: object) -> str:
     if not isinstance(utc_s, int | float) or not utc_s:
         return ""
     return datetime.fromtimestamp(utc_s, UTC).astimezone().strftime("%a %d %b %Y, %H:%M")
+
+
+def changed(path: Path) -> str:
+    """When a file was changed, for people; "" if it is gone."""
+    try:
+        return moment(path.stat().st_mtime)
+    except OSError:
+        return ""
 
 
 def words_of(one: Any) -> str:

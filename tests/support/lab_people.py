@@ -28,6 +28,12 @@ def laboratory(folder: Path, lab: str = "load-cell-lab") -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     for path in example(lab).glob("*.toml"):
         shutil.copy(path, folder / path.name)
+    return with_people(folder)
+
+
+def with_people(folder: Path) -> Path:
+    """A folder with these people, and no other file that was not there."""
+    folder.mkdir(parents=True, exist_ok=True)
     roles = {"anna": "operator", "ben": "operator,approver", "vera": "viewer"}
     for login, role in roles.items():
         add = ("person", "add", login, "--name", login.title(), "--roles", role)

@@ -1,0 +1,47 @@
+"""The plan of first files, before they are written: `rig plan` says the same of them in their folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from rig.errors import RigError
+from rig.new.files import BENCH, PROCEDURE
+from rig.procedures.present.blocks import Block, Line
+from rig.verbs.plan.result import Plan, plan
+
+if TYPE_CHECKING:
+    from rig.engine.session import Progress
+
+_CERTIFICATE = "a certificate would"
+"""In the lines of a plan that say what a certificate lacks; all are missing from a first register."""
+
+
+def planned(files: Mapping[str, str], on_progress: Callable[[Progress], None]) -> tuple[Plan, list[Block]]:
+    """The plan of these files, and what is shown of it.
+
+    Args:
+        files: texts by name.
+        on_progress: called with the progress of the rehearsal.
+
+    Raises:
+        RigError: they make no run; the message says why.
+    """
+    with TemporaryDirectory(prefix="rig-new-") as name:
+        folder = Path(name)
+        for file, text in files.items():
+            (folder / file).write_text(text, encoding="utf-8")
+        try:
+            found = plan(folder / PROCEDURE, folder / BENCH, out=Path(), on_progress=on_progress)
+        except RigError as error:
+            error.args = (str(error).replace(f"{folder}/", ""),)
+            raise
+        blocks = list(found.blocks())
+    later = [one for one in blocks if isinstance(one, Line) and _CERTIFICATE in one.text]
+    shown = [one for one in blocks if one not in later]
+    if later:
+        words = f"  a certificate needs {len(later)} things more, most in equipment.toml: `rig plan` lists them"
+        shown.append(Line(words))
+    return found, shown
