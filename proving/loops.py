@@ -31,8 +31,9 @@ from rig.engine.session import Signals
 from rig.examples import example
 from rig.files.toml_text import toml_text
 from rig.fitter.confirm.prediction import prediction_errors
-from rig.loop import start_loop
-from rig.verbs.confirm import judge, open_traced
+from rig.loop import Program, start_loop
+from rig.loop.evaluation import Evaluation
+from rig.verbs.confirm import open_traced
 
 HOURS = 14.0
 Values = dict[str, Any]
@@ -213,33 +214,37 @@ KINDS: dict[str, Callable[[int], World]] = {
 }  # fmt: skip
 
 
+def files_of(kind: str, world: World, folder: Path) -> None:
+    """Write bench, procedure, world and register of a loop."""
+    procedure = world.procedure | {"loop": {"allow": _allowed(kind)}}
+    for file, values in (("bench", world.bench), ("procedure", procedure), ("world", world.truth)):
+        (folder / f"{file}.toml").write_text(toml_text(values), encoding="utf-8")
+    for register in example(f"{_lab_of(kind)}-lab").glob("equipment.toml"):
+        (folder / register.name).write_bytes(register.read_bytes())
+
+
+def loop_in(folder: Path, hours: float = HOURS, **how: Any) -> Program:
+    """Conduct the loop of a folder."""
+    return start_loop(
+        folder / "procedure.toml", folder / "bench.toml", folder, hours=hours,
+        dry=True, world=folder / "world.toml", announce=lambda _path, _plan: None, signals=Signals(),
+        on_progress=lambda _: None, told=Silent(), certified=False, **how,
+    ).program  # fmt: skip
+
+
 def one_loop(kind: str, seed: int) -> Outcome:
     """Conduct a loop; its figures."""
     world = KINDS[kind](seed)
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        bench = {**world.bench}
-        for file, values in (("bench", bench), ("procedure", world.procedure), ("world", world.truth)):
-            (folder / f"{file}.toml").write_text(toml_text(values), encoding="utf-8")
-        (folder / "procedure.toml").write_text(
-            toml_text(world.procedure | {"loop": {"allow": _allowed(kind)}}), encoding="utf-8"
-        )
-        lab = next(name for name in LABS if kind.startswith(name))
-        for register in example(f"{lab}-lab").glob("equipment.toml"):
-            (folder / register.name).write_bytes(register.read_bytes())
-        ending = start_loop(
-            folder / "procedure.toml", folder / "bench.toml", folder, hours=72.0 if lab == "pressure" else HOURS,
-            dry=True, world=folder / "world.toml", announce=lambda _path, _plan: None, signals=Signals(),
-            on_progress=lambda _: None, told=Silent(), certified=False,
-        )  # fmt: skip
-        program = ending.program
+        files_of(kind, world, Path(name))
+        program = loop_in(Path(name), 72.0 if _lab_of(kind) == "pressure" else HOURS)
         runs = [run.ended.took_s for run in program.runs if run.ended is not None]
         hours = sum(runs) / (2.0 * runs[0])
         first = open_traced(program.file_of(program.runs[0]))
         found = any(set(_names(q)) & world.names for q in first.questions)
-        if not program.further:
+        told = Evaluation(program).told
+        if told is None:
             return Outcome(found, "no further run", "", None, None, hours)
-        told = judge(first, *program.further)
         settled = [one for one in told.answers if one.verdict in ("confirmed", "replaced")]
         verdict = verdict_of(world, [set(one.holding[0].split(" with ")) for one in settled])
         errors = told.judged.errors.values()
@@ -282,6 +287,10 @@ def _held(world: World, settled: Sequence[Any]) -> Iterator[tuple[str, bool, boo
 
 
 LABS = ("voltmeter", "load-cell", "attitude", "pressure")
+
+
+def _lab_of(kind: str) -> str:
+    return next(name for name in LABS if kind.startswith(name))
 
 
 def _median(values: Sequence[float]) -> float:

@@ -19,7 +19,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -30,13 +30,13 @@ from rig.drivers.clock import RealClock
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
 from rig.loop import Program, findings_of_runs, open_program, resume_loop, sessions, start_loop
+from rig.loop.evaluation import Evaluation
 from rig.run_file.chain import Record
 from rig.run_file.live import LiveState
 from rig.run_file.verify.verification import verify_file
 from rig.runs.forecast import rehearse
 from rig.runs.plans import Plan, load_plan
-from rig.tables.segments import table_of
-from rig.verbs.confirm import First, consider, first, judge
+from rig.verbs.confirm import First, consider, first
 
 LAB = "voltmeter-lab"
 SHORTER = (("replications = 2", "replications = 1"), ("-1000, -500, ", "-1000, "))
@@ -160,10 +160,10 @@ class CrashedLoop:
     def _afresh(self, program: Program) -> dict[str, str]:
         """Verdicts by the run files alone."""
         with self.watched():
-            opened = first.open_traced(program.segments[0], partial(table_of, program.segments))
-            if not program.further:
-                return {one.sensor: str(one.verdict) for one in opened.traced.outcomes}
-            return {one.effect: one.verdict for one in judge(opened, *program.further).answers}
+            evaluation = Evaluation(program)
+            if (told := evaluation.told) is None:
+                return {one.sensor: str(one.verdict) for one in evaluation.first.traced.outcomes}
+            return {one.effect: one.verdict for one in told.answers}
 
 
 def verdicts(program: Program) -> dict[str, str]:

@@ -57,6 +57,13 @@ def fit(
             show_default=False,
         ),
     ] = None,
+    added: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="a run that is evaluated with this one as one run, as a loop adds it; repeatable, in their order",
+            show_default=False,
+        ),
+    ] = None,
     equipment: EquipmentOption = None,
     separator: SeparatorOption = None,
     decimal: DecimalOption = None,
@@ -73,14 +80,21 @@ def fit(
     from rig.tables import FileForm, FileSource  # noqa: PLC0415
     from rig.verbs.data.result import fit_source  # noqa: PLC0415
 
-    check_files([out_file, report], [data, *(confirmed_by or ()), *filter(None, (equipment,))])
+    more = [*(confirmed_by or ()), *(added or ())]
+    check_files([out_file, report], [data, *more, *filter(None, (equipment,))])
     check_format(out_file, ".json")
     check_format(report, ".html", ".htm")
     source = FileSource(data, FileForm.of(separator, decimal, encoding, header))
-    if not leave_out and not confirmed_by and _seen(source, "fit", given, as_json=as_json):
+    if not leave_out and not more and _seen(source, "fit", given, as_json=as_json):
         return ExitCode.USAGE
     fitted = fit_source(
-        source, given, leave_out or (), confirmed_by or (), keep=out_file is not None, equipment=equipment
+        source,
+        given,
+        leave_out or (),
+        confirmed_by or (),
+        keep=out_file is not None,
+        equipment=equipment,
+        added=added or (),
     )
     write_report(fitted, report)
     if out_file is not None:

@@ -12,8 +12,6 @@ import os
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
-from pathlib import Path
 from typing import Any
 
 from rig.engine.session import Nobody, Observer, Outcome, Progress, Signals
@@ -22,9 +20,9 @@ from rig.fitter.errors import FitError
 from rig.loop import products
 from rig.loop.decide import Considers, Decision, Left, decide, for_person
 from rig.loop.ends import Ending, Told, each_h, ended, not_made
+from rig.loop.evaluation import Evaluation, with_left_over
 from rig.loop.findings import found_by_first, found_by_later
 from rig.loop.goal import Look, looked, procedure_with
-from rig.loop.left_over import with_left_over
 from rig.loop.program import SUFFIX, LoopRun, Program
 from rig.loop.timeline import EVALUATION_S, Timeline
 from rig.procedures.errors import DataError
@@ -42,8 +40,7 @@ from rig.run_file.events.sessions import SessionBegan
 from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import Result, Site, resume_run, start_run
 from rig.runs.plans import Plan, plan_of
-from rig.tables.segments import table_of
-from rig.verbs.confirm import Confirmed, First, consider, judge, open_traced, traces_kept
+from rig.verbs.confirm import Confirmed, First, consider, traces_kept
 from rig.verbs.confirm.further_plan import procedure_text
 from rig.version import versions
 from rig.who import Operator
@@ -89,6 +86,7 @@ class Conductor:
 
     def __post_init__(self) -> None:
         self.timeline = Timeline(self.plan, self.program.run)
+        self.evaluation = Evaluation(self.program)
         self._session = self.program.run.sessions + 1
 
     def conduct(self) -> Ending:
@@ -268,24 +266,10 @@ class Conductor:
 
     # --- evaluation -----------------------------------------------------------------------------------------------
 
-    @cached_property
+    @property
     def first(self) -> First:
-        """The first run with its further replications, traced."""
-        segments = self.program.segments
-        if len(segments) < 2:
-            return open_traced(segments[0])
-        return open_traced(segments[0], partial(table_of, segments))
-
-    @cached_property
-    def _of_later(self) -> dict[tuple[Path, ...], Confirmed]:
-        return {}
-
-    def confirmed(self) -> Confirmed | None:
-        """The judgement by all complete further runs; None without one."""
-        later = tuple(self.program.further)
-        if later and later not in self._of_later:
-            self._of_later[later] = judge(self.first, *later)
-        return self._of_later.get(later)
+        """The first run, traced."""
+        return self.evaluation.first
 
     def _further_runs(self) -> Ending | None:
         while True:
@@ -297,9 +281,26 @@ class Conductor:
             if self.program.decided is not None:
                 return None
             decision = self._decision()
+            if self._regrouped(decision):
+                continue
             self._decide(decision)
             if decision.run is None:
                 return None
+
+    @property
+    def _runs_left(self) -> int:
+        """Number of further runs that may still be made; 0 after one that ended by a fault."""
+        further, before = self.program.further_runs, self.program.closed_runs
+        if len(further) > before and not further[-1].complete:
+            return 0
+        return self.program.bounds.bounds.most_runs - (len(further) - before)
+
+    def _regrouped(self, decision: Decision) -> bool:
+        """Whether a further run is one with the first from now on, or no longer, so that more can be decided."""
+        event = self.evaluation.regrouped(decision, self._runs_left)
+        if event is not None:
+            self.record(event)
+        return event is not None
 
     def _decision(self) -> Decision:
         """The next step, from all runs so far."""
@@ -314,17 +315,13 @@ class Conductor:
             return Decision(None, f"{why}; the loop closes with what it has", told is not None and told.settled)
         bounds = self.program.bounds.bounds
         elapsed_s = self.timeline.elapsed_s
-        left = Left(
-            (self.program.ends_s - elapsed_s) / 3600.0,
-            bounds.most_runs - (len(further) - before),
-            self.program.allow,
-        )
+        left = Left((self.program.ends_s - elapsed_s) / 3600.0, self._runs_left, self.program.allow)
         first = replace(self.first, begins_s=elapsed_s)
         return with_left_over(decide(first, told, bounds, left, self.considered), first, told)
 
     def _evaluated(self) -> Confirmed | None:
         """The judgement so far; what it tells is recorded once."""
-        first, told, count = self.first, self.confirmed(), self.program.complete
+        first, told, count = self.first, self.evaluation.told, self.program.complete
         if count not in self.program.found:
             found = found_by_first(first, count) if told is None else found_by_later(told, count)
             self.timeline.passes(self.timeline.elapsed_s + EVALUATION_S)
@@ -387,7 +384,7 @@ class Conductor:
 
     def _confirmed_or_none(self) -> Confirmed | None:
         with contextlib.suppress(*FAULTS):
-            return self.confirmed()
+            return self.evaluation.told
         return None
 
     def _certificate(self) -> None:

@@ -126,8 +126,8 @@ def decide(
     if not first.questions:
         return Decision(None, "the trace of the first run found nothing that would have to be confirmed", settled=True)
     settled = told is not None and told.settled
-    asked = first if told is None else following(told)
-    if told is not None and (asked is None or (settled and bounds.stop_when != "alone")):
+    asked = first if told is None else following(told, alone=bounds.stop_when == "alone")
+    if told is not None and asked is None:
         verdicts = "; ".join(f"{one.effect}: {one.verdict}{_beside(one)}" for one in told.answers)
         return Decision(None, f"no question is open: {verdicts}", settled=settled)
     assert asked is not None  # there are questions

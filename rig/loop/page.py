@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rig.loop.program import Program
+from rig.loop.program import ONE_WITH_FIRST, Program
 from rig.loop.timeline import clock_time
 from rig.procedures.evaluate.results import Page
 from rig.tables import run_table
@@ -27,7 +27,7 @@ def loop_page(program: Program, confirmed: Confirmed | None) -> Page:
                 run.planned.number,
                 run.planned.what,
                 program.file_of(run).name,
-                run.ended.how if run.ended is not None else "not ended",
+                f"{run.ended.how}{ONE_WITH_FIRST if run.joined else ''}" if run.ended is not None else "not ended",
                 f"{run.ended.took_s / 3600.0:.1f}" if run.ended is not None else "",
                 run.ended.head if run.ended is not None else "",
             )

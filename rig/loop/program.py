@@ -25,6 +25,7 @@ from rig.run_file.events.loops import (
     LoopDecided,
     LoopForPerson,
     LoopFound,
+    LoopJoined,
     LoopRunEnded,
     LoopRunPlanned,
     LoopWrote,
@@ -36,6 +37,8 @@ from rig.run_file.verify.verification import LOOP, LOOP_SUFFIX
 SUFFIX = LOOP_SUFFIX
 SETTINGS = LOOP
 """Document with the bounds of the loop, and its files with their hashes."""
+ONE_WITH_FIRST = ", one with run 1"
+"""Behind the outcome of a run that is evaluated with the first one."""
 
 
 class FileOfLoop(Strict):
@@ -65,10 +68,11 @@ class Bounds(Strict):
 
 @dataclass
 class LoopRun:
-    """A run of a loop: as planned, and how it ended (None: not yet)."""
+    """A run of a loop: as planned, how it ended (None: not yet), and whether it is evaluated with the first as one."""
 
     planned: LoopRunPlanned
     ended: LoopRunEnded | None = None
+    joined: bool = False
 
     @property
     def complete(self) -> bool:
@@ -95,6 +99,7 @@ class Program:
         closed: how it was closed; None while it is open.
         continued: how often it was continued.
         closed_runs: number of its further runs when it was last closed.
+        apart: whether runs that were joined to the first were taken apart again.
     """
 
     path: Path
@@ -111,6 +116,7 @@ class Program:
     closed: LoopClosed | None = None
     continued: int = 0
     closed_runs: int = 0
+    apart: bool = False
     ends_s: float = 0.0
     allow: tuple[str, ...] = ()
 
@@ -130,6 +136,10 @@ class Program:
                 self.runs[event.number - 1].ended = event
             case LoopFound():
                 self.found[event.after] = event
+            case LoopJoined():
+                self.runs[event.number - 1].joined = not event.apart
+                self.apart |= event.apart
+                self.found.pop(self.complete, None)  # other runs judge now, and say other things
             case LoopDecided() if event.next in ("segment", "trace"):
                 self.goal = event if event.next == "trace" else None
             case LoopDecided():
@@ -141,7 +151,7 @@ class Program:
             case LoopContinued():
                 self.closed = self.decided = None
                 self.wrote, self.for_person = {}, []
-                self.ends_s, self.allow = event.ends_s, tuple(event.allow)
+                self.ends_s, self.allow, self.apart = event.ends_s, tuple(event.allow), False
                 self.continued += 1
                 self.closed_runs = len(self.further_runs)
             case LoopClosed():
@@ -170,8 +180,8 @@ class Program:
 
     @property
     def segments(self) -> list[Path]:
-        """Files of the first run and of its further replications, as far as they are complete."""
-        own = [run for number, run in enumerate(self.runs) if number == 0 or run.planned.segment]
+        """Files of the first run, its further replications and the runs joined to it, as far as they are complete."""
+        own = [run for number, run in enumerate(self.runs) if number == 0 or run.planned.segment or run.joined]
         return [self.file_of(run) for run in own if run.complete]
 
     @property
@@ -181,8 +191,8 @@ class Program:
 
     @property
     def further(self) -> list[Path]:
-        """Files of the complete further runs."""
-        return [self.file_of(run) for run in self.further_runs if run.complete]
+        """Files of the complete further runs that judge: without those that are joined to the first."""
+        return [self.file_of(run) for run in self.further_runs if run.complete and not run.joined]
 
     @property
     def open_run(self) -> LoopRun | None:

@@ -9,7 +9,7 @@ from rich.markup import escape
 
 from rig.engine.early_warning import warnings_in
 from rig.loop.products import errors_before_after
-from rig.loop.program import LoopRun, Program
+from rig.loop.program import ONE_WITH_FIRST, LoopRun, Program
 from rig.loop.timeline import clock_time
 from rig.procedures.present.blocks import Block, Grid, Line, simulated_mark
 from rig.procedures.present.durations import duration
@@ -55,7 +55,7 @@ def blocks(program: Program) -> Iterator[Block]:
 
 
 def _outcome(run: LoopRun) -> str:
-    return "open" if run.ended is None else escape(run.ended.how)
+    return "open" if run.ended is None else f"{escape(run.ended.how)}{ONE_WITH_FIRST if run.joined else ''}"
 
 
 def state_of(program: Program) -> str:
@@ -83,6 +83,7 @@ def to_json(program: Program) -> dict[str, Any]:
                 **run.planned.body(),
                 "file": str(program.file_of(run)),
                 "outcome": run.ended.how if run.ended is not None else None,
+                "joined": run.joined,
                 "head": run.ended.head if run.ended is not None else None,
                 "took_s": run.ended.took_s if run.ended is not None else None,
                 "warnings": warnings_in(program.file_of(run)),

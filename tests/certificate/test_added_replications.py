@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from datetime import date
 from pathlib import Path
 
 import pytest
+from command import rig as command
 
 import rig
 from rig.engine.session import Outcome, Signals
+from rig.errors import ExitCode
 from rig.examples import example
 from rig.runs.controller import start_run
 from rig.runs.plans import load_plan
@@ -48,8 +51,8 @@ def test_the_certificate_names_every_file_and_says_that_replications_were_added(
     assert [one.run_id for one in document.evidence] == ["night-1", "night-2"]
     assert [one.observations for one in document.evidence] == [63, 21]
     assert len({one.head for one in document.evidence}) == 2
-    (said,) = [one for one in document.deviations if "were added" in one]
-    assert said == ("Replications were added for the goal of the procedure, as runs of their own: night-2.sqlite.")
+    (said,) = [one for one in document.deviations if "Added to it" in one]
+    assert said == "Added to it, and evaluated with it as one run, are runs of their own: night-2.sqlite."
 
 
 def test_its_numbers_are_those_of_all_replications(segments: list[Path]):
@@ -81,3 +84,12 @@ def test_an_incomplete_replication_is_a_reason_against_a_certificate(segments: l
     broken.write_bytes(segments[1].read_bytes()[:8192])
     with pytest.raises(Refused, match="night-2"):
         make(request([segments[0], broken]))
+
+
+def test_rig_fit_takes_them_as_well(segments: list[Path]):
+    run, added = segments
+    by_hand = json.loads(command("fit", run, "--added", added, "--json").stdout)
+    assert by_hand["data"]["points"] == 84
+    assert added.name in by_hand["data"]["segments"]
+    refused = command("fit", run, "--added", run.with_name("none.sqlite"))
+    assert (refused.returncode, "there is no run file" in refused.stderr) == (ExitCode.USAGE, True)

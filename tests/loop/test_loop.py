@@ -377,7 +377,7 @@ def test_a_confirmed_cause_is_enough_and_a_second_one_beside_it_is_told(
     (answer,) = told.answers
     beside = replace(answer, minor_causes=(MinorCause("third-order:input_V", 0.35),))
     told = replace(told, judged=replace(told.judged, answers=(beside,)))
-    monkeypatch.setattr("rig.loop.decide.following", lambda _: first)
+    monkeypatch.setattr("rig.loop.decide.following", lambda _, alone: first if alone else None)
     decision = decide(first, told, BOUNDS.model_copy(update={"stop_when": stop_when}), AMPLE, evaluations.consider)
     assert (decision.run is not None) is goes_on
     if not goes_on:

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import pytest
 
-from proving.loops import one_loop
+from proving.crashes.loops import Silent
+from proving.loops import KINDS, files_of, loop_in, one_loop
+from rig.engine.session import Signals
+from rig.loop import open_program, resume_loop
+from rig.loop.evaluation import Evaluation
 
 
 @pytest.mark.parametrize(("kind", "seed"), [("attitude", 1), ("attitude", 2), ("load-cell", 1)])
@@ -16,3 +23,37 @@ def test_the_true_cause_is_confirmed(kind: str, seed: int):
     assert told.before is not None
     assert told.after is not None
     assert told.after < told.before
+
+
+class Killed(Exception):
+    """The process is gone."""
+
+
+def test_an_effect_of_temperature_that_only_a_further_run_shows_is_confirmed_by_another_and_added(tmp_path: Path):
+    """The temperature of the first run hardly changes. Killed just after both runs became one, it goes on so."""
+
+    def killing(event: str) -> None:
+        if event == "LoopJoined":
+            raise Killed
+
+    files_of("attitude-warm", KINDS["attitude-warm"](3), tmp_path)
+    with pytest.raises(Killed):
+        loop_in(tmp_path, recorded=killing)
+    (path,) = tmp_path.glob("*.loop.sqlite")
+    common: dict[str, Any] = {"signals": Signals(), "on_progress": lambda _: None, "told": Silent()}
+    program = resume_loop(path, certified=False, **common).program
+    assert program.closed is not None
+    assert program.closed.settled, program.closed.why
+    assert [run.joined for run in program.runs] == [False, True, False]
+    evaluation = Evaluation(open_program(path))
+    assert evaluation.told is not None
+    assert evaluation.told.paths == (program.file_of(program.runs[2]),)
+    verdicts = {one.effect: one.verdict for one in evaluation.told.answers}
+    assert verdicts == {"sensitivity-temperature": "confirmed", "isolation-pad-deflection": "confirmed"}
+    assert verdicts == program.found[program.complete].verdicts
+    error = evaluation.told.judged.errors["x_V"]
+    assert error.after < 1.2 * error.sigma < error.before
+    calibration = path.with_name(f"{program.name}.calibration.json").read_text(encoding="utf-8")
+    assert "the calibration has sensitivity-temperature alone" in calibration
+    # nobody is asked to undo a change so that a run could be one with the first
+    assert not list(Evaluation(program)._joinable())

@@ -126,6 +126,21 @@ class LoopDecided(Event, kind="loop", status="decided", matters=TOLD, says="{why
 
 
 @dataclass(frozen=True, kw_only=True)
+class LoopJoined(Event, kind="loop", status="joined", matters=TOLD, says="{why}"):
+    """A further run is evaluated with the first one as one run from now on, or no longer.
+
+    Attributes:
+        number: its ordinal in the loop.
+        why: a sentence with the effects that they show together.
+        apart: whether they are taken apart again.
+    """
+
+    number: Count
+    why: Text
+    apart: Truth = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class LoopForPerson(Event, kind="loop", status="for-person", matters=DECISION):
     """A task that remains for a person: a run that the bench alone cannot make, or has no time for.
 

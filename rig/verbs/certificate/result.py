@@ -189,11 +189,11 @@ def _evidence(run: CertifiedRun, of: OfRun) -> Iterator[Evidence]:
 
 
 def _of_added(run: CertifiedRun, of: OfRun) -> Iterator[str]:
-    """That replications were added, and departures from the procedure in them."""
+    """That runs were added, and departures from the procedure in them."""
     if not run.added:
         return
     files = ", ".join(one.path.name for one in run.added)
-    yield f"Replications were added for the goal of the procedure, as runs of their own: {files}."
+    yield f"Added to it, and evaluated with it as one run, are runs of their own: {files}."
     for one in run.added:
         own = replace(of, table=run_table(one.path), corrected=())
         told = words.deviations(own, one.state, run.stage, (None, None))

@@ -18,6 +18,7 @@ from rig.fitter.confirm import Confirmed as Judged
 from rig.fitter.confirm.judgement import CHANGED, PREDICTED
 from rig.fitter.errors import FitError
 from rig.fitter.json_values import if_finite
+from rig.procedures.evaluate.confirming import SETTLED
 from rig.procedures.present.words import SMALLEST
 from rig.verbs.confirm.first import First, read_later
 
@@ -66,7 +67,7 @@ class Confirmed:
     @property
     def settled(self) -> bool:
         """Whether exactly one explanation remains for every effect."""
-        return all(answer.verdict in ("confirmed", "replaced") for answer in self.answers)
+        return all(answer.verdict in SETTLED for answer in self.answers)
 
     @property
     def unit(self) -> str:
@@ -173,9 +174,13 @@ def judge(first: First, *later: Path, anywhen: bool = False) -> Confirmed:
     return Confirmed(first, paths, runs, judged)
 
 
-def following(confirmed: Confirmed) -> First | None:
-    """The first run with the further ones and what they leave open, for the next run; None if nothing is open."""
-    questions = tuple(filter(None, map(still_open, confirmed.answers)))
+def following(confirmed: Confirmed, *, alone: bool = True) -> First | None:
+    """The first run with the further ones and what they leave open, for the next run; None if nothing is open.
+
+    With `alone` a confirmed cause is open if another one may be there beside it.
+    """
+    left = [one for one in confirmed.answers if alone or one.verdict not in SETTLED]
+    questions = tuple(filter(None, map(still_open, left)))
     if not questions:
         return None
     first = confirmed.first
