@@ -13,7 +13,9 @@ from rig.errors import UsageError
 VARIABLE: Literal["RIG_OPERATOR"] = "RIG_OPERATOR"
 """Environment variable with the operator's name, if the command line has none."""
 BY_PASSWORD: Literal["RIG_OPERATOR_BY"] = "RIG_OPERATOR_BY"
-"""Environment variable with which `rig serve` says of the name in `VARIABLE` that a password proved it: "password"."""
+"""Environment variable with which `rig serve` says of the name in `VARIABLE` what proved it, one of `PROVEN`."""
+PROVEN: tuple[Literal["password", "passkey"], ...] = ("password", "passkey")
+"""Sources of a name that prove it is that person's."""
 _LONGEST = 115
 """A name of 80 characters in `people.toml`, with a login of 32 behind it, is such a name too."""
 
@@ -24,11 +26,11 @@ class Operator:
 
     Attributes:
         name: name of the person, or of the account.
-        by: source of the name; verified only by "password", or the "token" of a program.
+        by: source of the name; verified only by "password" or "passkey", or the "token" of a program.
     """
 
     name: str
-    by: Literal["--operator", "RIG_OPERATOR", "login", "password", "token"]
+    by: Literal["--operator", "RIG_OPERATOR", "login", "password", "passkey", "token"]
 
     def as_json(self) -> dict[str, str]:
         """Values for the run file."""
@@ -44,7 +46,8 @@ def operator(given: str | None = None) -> Operator:
     if given is not None:
         return Operator(_checked(given, "--operator"), "--operator")
     if os.environ.get(VARIABLE):
-        by = "password" if os.environ.get(BY_PASSWORD) == "password" else VARIABLE
+        given_by = os.environ.get(BY_PASSWORD)
+        by = next((one for one in PROVEN if one == given_by), VARIABLE)
         return Operator(_checked(os.environ[VARIABLE], VARIABLE), by)
     try:
         return Operator(pwd.getpwuid(os.getuid()).pw_name, "login")

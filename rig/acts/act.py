@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
 
@@ -39,7 +39,7 @@ class Act(BaseModel):
 
     Attributes:
         name: its name, a word.
-        role: the role that may do it.
+        role: the role that may do it; "" for everybody, who changes the own entry.
         moves: whether something may move after it: it is then confirmed once more.
         again: whether the password is asked for again.
         slow: whether it takes seconds of a processor: a server does it in a process of its own.
@@ -50,7 +50,7 @@ class Act(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True)
 
     name: ClassVar[str] = ""
-    role: ClassVar[Role] = "operator"
+    role: ClassVar[Role | Literal[""]] = "operator"
     moves: ClassVar[bool] = False
     again: ClassVar[bool] = False
     slow: ClassVar[bool] = False
@@ -61,7 +61,7 @@ class Act(BaseModel):
         cls,
         *,
         act: str,
-        role: Role = "operator",
+        role: Role | Literal[""] = "operator",
         moves: bool = False,
         again: bool = False,
         slow: bool = False,
@@ -104,8 +104,8 @@ class Act(BaseModel):
 
 
 _ACTS: dict[str, type[Act]] = {}
-LINES, KEPT = "lines", "kept"
-"""Marks of a field: a text of several lines; a value that a form carries along, and nobody types."""
+LINES, KEPT, SECRET = "lines", "kept", "secret"
+"""Marks of a field: a text of several lines; a value that a form carries along, and nobody types; one never shown."""
 
 
 def of_field(act: type[Act], name: str) -> Mapping[str, Any]:

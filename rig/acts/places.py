@@ -14,7 +14,7 @@ from rig.queue import Queue, QueueFile, open_queue
 from rig.run_file.verify.verification import LOOP_SUFFIX
 
 CERTIFICATE = "certificate.toml"
-SECRET = ("people.toml", "notify.toml")
+WITH_SECRETS = ("people.toml", "notify.toml")
 """Files that have passwords and keys."""
 FOLDERS = ("runs", "proposals", "reports", "calibrations", "certificates")
 """Folders of a laboratory that have a meaning."""
@@ -95,6 +95,10 @@ class Places:
         """A procedure file by its name. Raises `UsageError`."""
         return _one(self.procedures(), name, "procedure file")
 
+    def people(self) -> dict[str, str]:
+        """Names of the people by login."""
+        return {login: one.name for login, one in self.laboratory.people().people.items()}
+
     def registers(self) -> dict[str, Path]:
         """Registers of equipment by their path in the folder."""
         return self._of_sort("register")
@@ -111,7 +115,9 @@ class Places:
             False
         """
         inside = self.folder.resolve()
-        return {name: path for name, path in self._toml().items() if path.name not in SECRET and _own(path, inside)}
+        return {
+            name: path for name, path in self._toml().items() if path.name not in WITH_SECRETS and _own(path, inside)
+        }
 
     def setting(self, name: str) -> Path:
         """A settings file by its name. Raises `UsageError`."""

@@ -118,12 +118,16 @@ def _allowed(laboratory: Laboratory, action: Action, who: str, login: str | None
 def _list(laboratory: Laboratory, *, as_json: bool) -> int:
     people = laboratory.people().people
     if as_json:
-        rows = {k: {"name": p.name, "roles": p.roles, "program": bool(p.token)} for k, p in people.items()}
+        rows = {
+            login: {"name": one.name, "roles": one.roles, "program": bool(one.token), "disabled": one.disabled}
+            for login, one in people.items()
+        }
         print_json(rows)
         return ExitCode.DONE
     table = Grid(("login", "name", "roles", "signs in by"), frame="plain", apart=2)
     for login, one in people.items():
         means = "password" if one.password else "token" if one.token else "nothing: rig person password"
+        means = "disabled" if one.disabled else f"{means}, passkey" if one.passkeys else means
         table.add_row(login, escape(one.name), ", ".join(one.roles), means)
     show((table,), out)
     return ExitCode.DONE

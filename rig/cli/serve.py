@@ -13,7 +13,7 @@ from rig.cli.commands import app
 from rig.cli.options import JsonOption
 from rig.cli.people import LabOption
 from rig.cli.show import err, out, print_json
-from rig.cli.signed_in import LoginOption, signed_in
+from rig.cli.signed_in import LoginOption, asked_password, signed_in
 from rig.errors import ExitCode, UsageError
 from rig.lab import laboratory_in
 
@@ -87,15 +87,20 @@ def act(
     Examples: `rig act`, `rig act pause why="a visitor" --login anna`, `rig act start proposal=3 --login anna --yes`
     """
     from rig.acts import Places, act_of, acts  # noqa: PLC0415
+    from rig.acts.act import SECRET, of_field  # noqa: PLC0415
 
     if not name:
         for one in acts():
             fields = " ".join(f"{field}=..." for field in one.model_fields)
-            needs = f"{one.role}{', confirmed' if one.moves else ''}"
+            needs = f"{one.role or 'everybody'}{', confirmed' if one.moves else ''}"
             out.print(f"[bold]{one.name}[/] {escape(fields)}  [dim]{escape(one.does())} ({needs})[/]", soft_wrap=True)
         return ExitCode.DONE
     laboratory = laboratory_in(lab)
     given = dict(one.partition("=")[::2] for one in values or ())
+    known = [one for one in acts() if one.name == name]
+    for field in (field for one in known for field in one.model_fields if SECRET in of_field(one, field)):
+        if field not in given:  # passwords stay out of the history of a shell
+            given[field] = asked_password(field.replace("_", " ").capitalize(), new=True)
     asked, places = act_of(name, given), Places(laboratory)
     by = signed_in(laboratory, login, asked.role)
     if asked.moves:

@@ -37,8 +37,9 @@ def signed_in(laboratory: Laboratory, login: str | None, role: str) -> Operator:
         laboratory.note_changes(operator())
     people = laboratory.people()
     if login is None:
-        able = ", ".join(people.having(role)) or "nobody yet"
-        raise UsageError(f"this needs a person with the role {role}: --login LOGIN ({able}), and the password")
+        able = ", ".join(people.having(role) if role else people.people) or "nobody yet"
+        whom = f"with the role {role}" if role else "who is known"
+        raise UsageError(f"this needs a person {whom}: --login LOGIN ({able}), and the password")
     person = by_password(people, login, asked_password(f"Password of {login}"))
     check_role(login, person, role)
     return proven(login, person)

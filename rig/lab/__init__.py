@@ -4,7 +4,16 @@ The public face: `laboratory_of` a file, and the `Laboratory` with its people an
 """
 
 from rig.lab.laboratory import Laboratory, Log, differences, laboratory_in, laboratory_of, without_secrets
-from rig.lab.people import People, Person, WrongPassword, by_password, by_token, check_role, proven
+from rig.lab.people import (
+    People,
+    Person,
+    WrongPassword,
+    by_passkey,
+    by_password,
+    by_token,
+    check_role,
+    proven,
+)
 
 __all__ = [
     "Laboratory",
@@ -12,6 +21,7 @@ __all__ = [
     "People",
     "Person",
     "WrongPassword",
+    "by_passkey",
     "by_password",
     "by_token",
     "check_role",

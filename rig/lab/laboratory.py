@@ -156,11 +156,12 @@ class Laboratory:
         path = self.people_file
         with self.changing(why, by):
             values = parse_toml(read_text(path, "people"), str(path)) if path.exists() else {}
-            parse_people(toml_text(values), str(path))
             people = values.setdefault("people", {})
+            kept = parse_people(toml_text(values), str(path)).having("administrator")
             change(people)
             text = toml_text(values)
-            parse_people(text, str(path))
+            if not parse_people(text, str(path)).having("administrator") and kept:
+                raise UsageError("nobody would be administrator then; make somebody else administrator first")
             if not path.exists():  # hashes are for nobody else to read
                 os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
             write_whole(path, lambda file: file.write(f"# Written by rig person.\n{text}"))

@@ -25,8 +25,16 @@ Role = Literal["viewer", "operator", "approver", "administrator"]
 ROLES: tuple[Role, ...] = get_args(Role)
 LOGIN = r"[a-z][a-z0-9._-]{0,31}"
 _SHORTEST, _LONGEST = 10, 1000
+_READABLE = "abcdefghjkmnpqrstuvwxyz23456789"
 COST: Mapping[str, int] = {}
 """Parameters of argon2id other than those of its library; only tests have any."""
+
+
+class Passkey(Strict):
+    """A passkey of a person, `[people.LOGIN.passkeys.NAME]`: a second way to log in."""
+
+    id: str = Field(pattern=r"^[A-Za-z0-9_-]{1,1500}$", description="of the credential, base64url")
+    key: str = Field(pattern=r"^[A-Za-z0-9_-]{1,3000}$", description="public key, COSE as base64url")
 
 
 class Person(Strict):
@@ -40,6 +48,8 @@ class Person(Strict):
     )
     password: str = Field("", description="argon2id hash, written by `rig person`")
     token: str = Field("", description="SHA-256 of a program's token, written by `rig person`")
+    disabled: bool = Field(False, description="whether it may log in no more; the log keeps what it did")
+    passkeys: dict[str, Passkey] = Field({}, max_length=20, description="passkeys, written by the page People")
 
     @field_validator("name")
     @classmethod
@@ -55,8 +65,8 @@ class People(Strict):
     people: dict[str, Person] = Field(default_factory=dict)
 
     def having(self, role: str) -> list[str]:
-        """Logins of the people with a role."""
-        return [login for login, one in self.people.items() if role in one.roles]
+        """Logins of the people with a role who may log in."""
+        return [login for login, one in self.people.items() if role in one.roles and not one.disabled]
 
 
 class WrongPassword(UsageError):
@@ -105,7 +115,7 @@ def by_password(people: People, login: str, password: str) -> Person:
         _hasher().verify(known, password[:_LONGEST])
     except (argon2.exceptions.VerificationError, argon2.exceptions.InvalidHashError):
         person = None
-    if person is None or not person.password:
+    if person is None or not person.password or person.disabled:
         raise WrongPassword("this login and password belong to nobody here; `rig person password` gives a new one")
     return person
 
@@ -114,20 +124,39 @@ def by_token(people: People, token: str) -> tuple[str, Person] | None:
     """Login and entry of the program with this token; None if there is none."""
     digest, found = _digest(token), None
     for login, one in people.people.items():  # all of them: the time says nothing
-        if one.token and hmac.compare_digest(one.token, digest):
+        if one.token and hmac.compare_digest(one.token, digest) and not one.disabled:
             found = login, one
     return found
 
 
+def by_passkey(people: People, credential: str) -> tuple[str, Person, Passkey] | None:
+    """Login and entry of the person with a passkey of this id, and the passkey; None if there is none."""
+    for login, one in people.people.items():
+        for passkey in one.passkeys.values():
+            if passkey.id == credential and not one.disabled:
+                return login, one, passkey
+    return None
+
+
 def check_role(login: str, person: Person, role: str) -> None:
-    """Raises `UsageError` if a person has not got this role."""
-    if role not in person.roles:
+    """Raises `UsageError` if a person has not got this role; everybody has the role ""."""
+    if role and role not in person.roles:
         raise UsageError(f"{person.name} ({login}) is {', '.join(person.roles)}, and this needs the role {role}")
 
 
-def proven(login: str, person: Person) -> Operator:
-    """A person whose password was right, for records."""
-    return Operator(f"{person.name} ({login})", "password")
+def proven(login: str, person: Person, by: Literal["password", "passkey"] = "password") -> Operator:
+    """A person whose password was right, or whose passkey signed, for records."""
+    return Operator(f"{person.name} ({login})", by)
+
+
+def new_password() -> str:
+    """A first password, to be told to a person, who changes it."""
+    return "-".join("".join(secrets.choice(_READABLE) for _ in range(5)) for _ in range(4))
+
+
+def as_roles(text: str) -> list[str]:
+    """Roles from a text with commas or blanks."""
+    return [one for one in re.split(r"[\s,]+", text) if one]
 
 
 _NOBODY: list[str] = []

@@ -12,7 +12,7 @@ from rig.procedures.present.shell import shell_word
 from rig.run_file.approval import Approval, digests_of
 from rig.run_file.events.laboratory import ApprovalUsed, Decided, Proposed
 from rig.run_file.read.reader import RunReader
-from rig.who import Operator, login_of
+from rig.who import PROVEN, Operator, login_of
 
 
 def propose(laboratory: Laboratory, asked: Proposed) -> Proposal:
@@ -45,7 +45,7 @@ def decide(laboratory: Laboratory, number: int, decision: str, why: str, by: Ope
         if proposal.state != "waiting":
             raise UsageError(f"proposal {number} is {proposal.state}: propose it again")
         asked = proposal.asked
-        if decision == "approved" and asked.who_by not in ("password", "token"):
+        if decision == "approved" and asked.who_by not in (*PROVEN, "token"):
             raise UsageError(f"nothing proves who proposed it ({asked.who}): propose it again with --login")
         if decision == "approved" and login_of(asked.who) == login_of(by.name):
             raise UsageError(f"{by.name} proposed it: somebody else approves it")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from anyio import CapacityLimiter, to_thread
@@ -10,9 +12,9 @@ from starlette.exceptions import HTTPException
 
 from rig.acts import Act, Places, Told
 from rig.errors import RigError, UsageError
-from rig.lab import Person, WrongPassword, by_password, check_role
+from rig.lab import Person, by_password, check_role
 from rig.serve.apart import apart
-from rig.serve.sessions import Patience
+from rig.serve.sessions import Attempt, Patience
 from rig.who import Operator
 
 
@@ -43,23 +45,24 @@ class Acting:
             WrongPassword: there is none.
             HTTPException: too many were wrong, or too many are being checked.
         """
-        keys = (f"from {address}", f"{login[:80]} from {address}")
-        wait_s = self.patience.wait_s(*keys)
+        with self.patient(address, f"{login[:80]} from {address}"):
+            people = self.places.laboratory.people()
+            return await to_thread.run_sync(by_password, people, login, password, limiter=self._passwords)
+
+    @contextmanager
+    def patient(self, address: str, *keys: str) -> Iterator[Attempt]:
+        """An attempt to log in from an address. Raises `HTTPException` if too many were wrong, or are under way."""
+        wait_s = self.patience.wait_s(f"from {address}", *keys)
         if wait_s > 0.0:
             raise HTTPException(429, _WAIT.format(wait_s), {"retry-after": f"{wait_s + 1:.0f}"})
         if self._waiting >= _MOST_WAITING:
             raise HTTPException(503, "too many passwords are being checked", {"retry-after": "2"})
         self._waiting += 1
         try:
-            people = self.places.laboratory.people()
-            person = await to_thread.run_sync(by_password, people, login, password, limiter=self._passwords)
-        except WrongPassword:
-            self.patience.failed(*keys)
-            raise
+            with self.patience.attempt(f"from {address}", *keys) as attempt:
+                yield attempt
         finally:
             self._waiting -= 1
-        self.patience.right(*keys)
-        return person
 
     async def checked(self, act: Act, login: str, person: Person, *, confirmed: bool) -> None:
         """Raise unless a person may do this, and it is confirmed if something moves.

@@ -77,7 +77,7 @@ class Api:
             raise HTTPException(422, str(error)) from None
         if act.again and not by_word:
             raise HTTPException(403, "this asks for a person's password: HTTP Basic, not a token")
-        if act.role not in person.roles:
+        if act.role and act.role not in person.roles:
             raise HTTPException(403, f"this needs the role {act.role}")
         try:
             await self._acting.checked(act, login, person, confirmed=confirmed)
@@ -150,7 +150,7 @@ def _described(act: Any, said: dict[str, Any], errors: dict[str, Any]) -> dict[s
     if act.moves:
         confirm = {"type": "boolean", "default": False, "description": "that what moves may move"}
         schema.setdefault("properties", {})["confirm"] = confirm
-    needs = f"Role {act.role}{'; a password, no token' if act.again else ''}."
+    needs = f"{f'Role {act.role}' if act.role else 'Everybody'}{'; a password, no token' if act.again else ''}."
     return {
         "operationId": act.name,
         "summary": act.does(),

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from rig.acts import Act, Places
-from rig.acts.act import KEPT, LINES, of_field
+from rig.acts.act import KEPT, LINES, SECRET, of_field
 from rig.errors import RigError
 from rig.run_file.live import asked_by_hand, live_path, read_json
 
@@ -20,7 +20,7 @@ class Input:
         name: of the field.
         label: for people.
         value: as given.
-        kind: "number", "text", "choice", "lines", "kept" for a value that is only carried along.
+        kind: "number", "text", "choice", "lines", "secret", "kept" for a value that is only carried along.
         choices: permitted values; () for any.
         needed: whether it has to be given.
     """
@@ -38,9 +38,12 @@ def inputs_of(act: type[Act], given: Mapping[str, str], places: Places) -> list[
     given, found = {**act.proposed_values(given, places), **given}, []
     for name, field in act.model_fields.items():
         marks = of_field(act, name)
-        choices = tuple(_choices(str(marks.get("of", "")), given, places))
+        choices = (
+            ("no", "yes") if field.annotation is bool else tuple(_choices(str(marks.get("of", "")), given, places))
+        )
         number = int in (field.annotation, *typing.get_args(field.annotation))
         default = "" if field.is_required() or field.default is None else str(field.default)
+        default = "no" if field.default is False else default
         label = field.description or name
         asks = _asks(given.get("run", ""), places) if name == "value" else ""
         kind = "choice" if choices else "number" if number else "text"
@@ -49,7 +52,7 @@ def inputs_of(act: type[Act], given: Mapping[str, str], places: Places) -> list[
                 name,
                 f"{label} ({asks})" if asks else label,
                 given.get(name, default)[: None if LINES in marks else 1000],
-                LINES if LINES in marks else KEPT if KEPT in marks else kind,
+                next((mark for mark in (LINES, KEPT, SECRET) if mark in marks), kind),
                 choices,
                 field.is_required() or bool(asks),
             )

@@ -14,7 +14,7 @@ from starlette.responses import Response
 from rig.acts import Act, Places, Told, of_files
 from rig.acts.act import act_of
 from rig.errors import RigError
-from rig.lab import check_role, proven
+from rig.lab import check_role
 from rig.serve.acting import Acting
 from rig.serve.sessions import Session
 
@@ -70,7 +70,7 @@ class FirstFiles:
     async def _done(self, name: str, values: Mapping[str, Any], session: Session) -> Told:
         act: Act = act_of(name, values)
         await self.acting.checked(act, session.login, session.person, confirmed=False)
-        return await self.acting.carry_out(act, proven(session.login, session.person))
+        return await self.acting.carry_out(act, session.operator)
 
 
 def _asked(form: Mapping[str, str], assumed: Mapping[str, str], places: Places) -> tuple[list[dict[str, Any]], Any]:

@@ -15,11 +15,13 @@ from starlette.routing import Route
 
 from rig.acts import Act, act_of, acts, of_files
 from rig.errors import RigError, UsageError
-from rig.lab import WrongPassword, proven
+from rig.lab import proven
 from rig.serve.acting import Acting, NotConfirmed
 from rig.serve.asked import address_of, form_of, own_page
 from rig.serve.fields import Input, inputs_of
 from rig.serve.first_files import FirstFiles
+from rig.serve.logging_in import LoggingIn
+from rig.serve.passkeys import Passkeys, possible
 from rig.serve.sessions import Session, Sessions
 from rig.serve.site import Site
 from rig.watch.app import Page, Pages, Pause
@@ -43,6 +45,7 @@ NAVIGATION = (
     ("/results", "Results"),
     ("/equipment", "Equipment"),
     ("/files", "Files"),
+    ("/people", "People"),
     ("/log", "Log"),
 )
 
@@ -66,6 +69,8 @@ class LaboratoryPages:
         self._templates = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
         self._templates.filters["part"] = lambda text: quote(str(text), safe="")
         self._templates.filters["path"] = lambda text: quote(str(text), safe="/")
+        self._passkeys = Passkeys(site.stopwatch)
+        self._logging_in = LoggingIn(acting, sessions, self._passkeys, self._cookie, encrypted, self._bare)
         self._new = FirstFiles(acting, self._shown)
         self._runs = Pages(site.shelf, pause, _MOST_STREAMS, site.acts_of_run, self._lasting, above="/runs")
 
@@ -82,6 +87,7 @@ class LaboratoryPages:
             "/certificates": self._results,
             "/equipment": self._equipment,
             "/files": self._settings,
+            "/people": self._people,
             "/log": self._changes,
             "/file/{name:path}": self._file,
             "/run/{name}": lambda request, _: self._runs.run(request),
@@ -90,9 +96,12 @@ class LaboratoryPages:
         }
         found = [Route(path, self._for_people(handler), methods=["GET"]) for path, handler in pages.items()]
         found.append(Route("/act/{act}", self._for_people(self._act), methods=["GET", "POST"]))
-        found.append(Route("/logout", self._for_people(self._logout), methods=["POST"]))
-        found.append(Route("/login", self._login, methods=["GET", "POST"]))
-        return found
+        entry = self._logging_in
+        found.append(Route("/passkey", self._for_people(self._passkey), methods=["POST"]))
+        found.append(Route("/logout", self._for_people(lambda request, _: entry.logout(request)), methods=["POST"]))
+        found.append(Route("/login", entry.login, methods=["GET", "POST"]))
+        found.append(Route("/login/challenge", entry.challenge, methods=["POST"]))
+        return [*found, Route("/login/passkey", entry.passkey, methods=["POST"])]
 
     # --- who asks ---------------------------------------------------------------------------------------------
 
@@ -117,35 +126,6 @@ class LaboratoryPages:
                     raise HTTPException(403, "This form does not belong to a page of your session; go back and reload.")
             return await handler(request, session)
 
-        return answer
-
-    async def _login(self, request: Request) -> Response:
-        """The form, and its answer. The same message for every wrong pair."""
-        following = request.query_params.get("next", "/")
-        if request.method == "GET":
-            return self._bare("login.html.j2", wrong="", login="", following=_own(following))
-        form = await form_of(request)
-        if not own_page(request):
-            raise HTTPException(403, "This form does not come from this server.")
-        login, following = form.get("login", ""), _own(form.get("next", "/"))
-        try:
-            person = await self._acting.password(login, form.get("password", ""), address_of(request))
-        except WrongPassword as error:
-            return self._bare("login.html.j2", 401, wrong=str(error), login=login, following=following)
-        except HTTPException as error:
-            page = self._bare("login.html.j2", error.status_code, wrong=error.detail, login=login, following=following)
-            page.headers.update(error.headers or {})
-            return page
-        self._sessions.end(request.cookies.get(self._cookie, ""))
-        answer = RedirectResponse(following, 303)
-        cookie = self._sessions.begin(login, person)
-        answer.set_cookie(self._cookie, cookie, httponly=True, samesite="strict", path="/", secure=self._encrypted)
-        return answer
-
-    async def _logout(self, request: Request, _session: Session) -> Response:
-        self._sessions.end(request.cookies.get(self._cookie, ""))
-        answer = RedirectResponse("/login", 303)
-        answer.delete_cookie(self._cookie, path="/", httponly=True, samesite="strict", secure=self._encrypted)
         return answer
 
     # --- what is shown ----------------------------------------------------------------------------------------
@@ -225,12 +205,25 @@ class LaboratoryPages:
         return self._shown("results.html.j2", session, "/results", folders=folders)
 
     async def _equipment(self, _request: Request, session: Session) -> Response:
-        rows = await to_thread.run_sync(self._site.equipment)
+        rows = await to_thread.run_sync(self._site.equipment.rows)
         return self._shown("equipment.html.j2", session, "/equipment", rows=rows)
 
     async def _settings(self, _request: Request, session: Session) -> Response:
         folders = await to_thread.run_sync(self._site.settings)
         return self._shown("files.html.j2", session, "/files", folders=folders)
+
+    async def _people(self, request: Request, session: Session) -> Response:
+        people = await to_thread.run_sync(self._site.people)
+        able = possible(request.url.hostname or "")
+        return self._shown("people.html.j2", session, "/people", people=people, own=session.person, able=able)
+
+    async def _passkey(self, request: Request, session: Session) -> Response:
+        """Options with which a browser makes a passkey."""
+        try:
+            asked = self._passkeys.to_add(session.login, session.person, request)
+        except RigError as error:
+            raise HTTPException(409, str(error)) from None
+        return Response(asked, media_type="application/json")
 
     async def _changes(self, _request: Request, session: Session) -> Response:
         changes = await to_thread.run_sync(self._site.changes)
@@ -261,6 +254,8 @@ class LaboratoryPages:
         told = await to_thread.run_sync(inputs_of, known, form, self._site.places)
         posted = request.method == "POST"
         try:
+            if (answer := form.pop("passkey", "")) and posted:
+                form |= self._passkeys.added(session.login, answer, request)
             act = act_of(name, form)
         except UsageError as error:
             why = str(error) if posted else ""
@@ -271,10 +266,13 @@ class LaboratoryPages:
             await self._acting.checked(act, session.login, session.person, confirmed=confirmed)
             if not posted:
                 return self._form(known, session, told)
-            person = session.person
+            by = session.operator
             if act.again:
                 person = await self._acting.password(session.login, password, address_of(request))
-            done = await self._acting.carry_out(act, proven(session.login, person))
+                by = proven(session.login, person)
+            done = await self._acting.carry_out(act, by)
+            if not act.role:
+                self._sessions.keep(request.cookies.get(self._cookie, ""))
         except NotConfirmed as error:
             return self._form(known, session, told, will=str(error))
         except HTTPException as error:
@@ -292,11 +290,11 @@ class LaboratoryPages:
         will: str = "",
         status: int = 200,
     ) -> Response:
-        given = {"act": known, "inputs": inputs, "wrong": wrong, "will": will, "may": session.may(known.role)}
+        given = {
+            "act": known,
+            "inputs": inputs,
+            "wrong": wrong,
+            "will": will,
+            "may": not known.role or session.may(known.role),
+        }
         return self._shown("act.html.j2", session, "", status, **given)
-
-
-def _own(address: str) -> str:
-    """An address of this server; "/" for any other."""
-    plain = address.startswith("/") and not address.startswith(("//", "/\\")) and address.isprintable()
-    return address if plain and "\\" not in address else "/"

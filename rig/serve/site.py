@@ -5,23 +5,20 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlencode
 
 from rig.acts import Places, is_loop
-from rig.archive import Due, Lab
-from rig.archive import due as what_is_due
-from rig.bench.config import InstrumentConfig, ReferenceConfig, parse_bench, parse_toml, read_text
+from rig.bench.config import parse_bench, parse_toml, read_text
 from rig.errors import RigError
 from rig.lab import Laboratory, differences
 from rig.lab.laboratory import Log, Proposal
 from rig.loop import open_program
 from rig.procedures.present.durations import duration
-from rig.register import read_register
 from rig.run_file.events.sessions import RunCreated
 from rig.run_file.live import asked_by_hand, live_path, read_json
+from rig.serve.equipment import EquipmentList, moment, print_of
 from rig.watch import Shelf
 from rig.who import login_of
 
@@ -35,6 +32,7 @@ TELLS = {
     "runs": "Runs and loops, the newest first.",
     "proposals": "Proposals, with their dry runs, hashes and decisions.",
     "equipment": "Equipment and items, with due dates.",
+    "people": "People and programs: names, roles, and how they log in.",
 }
 """What programs may ask, with the words of its description."""
 
@@ -48,12 +46,14 @@ class Site:
         stopwatch: real seconds.
         utc: real seconds since 1970-01-01.
         shelf: its runs.
+        equipment: its equipment and items.
     """
 
     places: Places
     stopwatch: Callable[[], float]
     utc: Callable[[], float]
     shelf: Shelf = field(init=False)
+    equipment: EquipmentList = field(init=False)
 
     def __post_init__(self) -> None:
         self.shelf = Shelf(self.places.runs, None, self.stopwatch, self.utc)
@@ -62,7 +62,7 @@ class Site:
         self._log: tuple[object, Log] = (None, Log())
         self._comparing = threading.Lock()  # of its own: to compare long texts takes seconds
         self._changes: tuple[object, list[dict[str, Any]]] = (None, [])
-        self._equipment: tuple[object, list[dict[str, Any]]] = (None, [])
+        self.equipment = EquipmentList(self.places, self.stopwatch, self.utc)
 
     @property
     def laboratory(self) -> Laboratory:
@@ -72,7 +72,7 @@ class Site:
     def log(self) -> Log:
         """State of the log; read again after a change only."""
         path = self.laboratory.log_file
-        now = tuple(_print(one) for one in (path, path.with_name(path.name + "-wal")))
+        now = tuple(print_of(one) for one in (path, path.with_name(path.name + "-wal")))
         with self._lock:
             if self._log[0] != now:
                 self._log = (now, self.laboratory.log())
@@ -254,60 +254,15 @@ class Site:
         return found
 
     def _overdue(self) -> list[str]:
-        return [f"{row['what']} was due on {row['due']}" for row in self.equipment() if row["tone"] == "bad"]
-
-    def equipment(self) -> list[dict[str, Any]]:
-        """Equipment and items, with due dates; what is due first comes first. Read again after a change only."""
-        today = datetime.fromtimestamp(self.utc(), UTC).astimezone().date()
-        files = {**self.places.registers(), **self.places.benches()}
-        # Certificates of other folders are looked for now and then: folders of runs change all the time.
-        issued = (_print(self.places.folder / "certificates"), int(self.stopwatch() / _LOOKED_S))
-        now = (today, *((name, _print(path)) for name, path in files.items()), *issued)
-        with self._lock:
-            if self._equipment[0] != now:
-                self._equipment = (now, self._read_equipment(today))
-            return self._equipment[1]
-
-    def _read_equipment(self, today: date) -> list[dict[str, Any]]:
-        rows: dict[tuple[str, str], dict[str, Any]] = {}
-        certified = self._certified()
-        entries: Mapping[str, InstrumentConfig | ReferenceConfig]
-        for file, path in self.places.registers().items():
-            try:
-                register = read_register(path)
-            except RigError as error:
-                rows[file, ""] = _row(file, "problem", str(error), None, today)
-                continue
-            for asset, one in register.equipment.items():
-                due = one.certificate.due if one.certificate is not None else None
-                rows[asset, "equipment"] = _row(asset, "equipment", words_of(one), due, today)
-            for name, item in register.sensors.items():
-                if item.serial and item.serial in {one.thing.serial for one in certified}:
-                    continue  # its certificates say more
-                rows[name, "item"] = _row(name, "item", words_of(item), None, today)
-        for file, path in self.places.benches().items():
-            try:
-                config = parse_bench(read_text(path, "bench"), file)
-            except RigError:
-                continue
-            for kind, entries in (("instrument", config.instruments), ("reference", config.references)):
-                of_bench = f"{kind} of {config.name}"
-                for name, entry in entries.items():
-                    if entry.due is not None and (entry.asset, "equipment") not in rows:
-                        rows[name, of_bench] = _row(name, of_bench, "", entry.due, today)
-        for thing in certified:
-            on = date.fromisoformat(thing.on) if thing.on else None
-            about = f"{thing.certificate} of {thing.dated}; due by {thing.by}"
-            row = rows[thing.key, "item"] = _row(thing.key, "item", about, on, today)
-            if thing.only_known_until:  # nothing broke until then, and nobody knows what follows
-                row |= {"due": f"after {thing.on}", "days": "not known", "tone": ""}
-        return sorted(rows.values(), key=lambda row: (row["date"] is None, row["date"] or today, row["what"]))
+        return [f"{row['what']} was due on {row['due']}" for row in self.equipment.rows() if row["tone"] == "bad"]
 
     def tells(self) -> dict[str, Callable[[], Any]]:
         """What programs may ask, by the names of `TELLS`."""
         tells: list[Callable[[], Any]] = [self.benches, self.queue, self.runs, self.proposals]
-        tells.append(lambda: [{k: v for k, v in row.items() if k not in ("date", "tone")} for row in self.equipment()])
-        return dict(zip(TELLS, tells, strict=True))
+        tells.append(
+            lambda: [{k: v for k, v in row.items() if k not in ("date", "tone")} for row in self.equipment.rows()]
+        )
+        return dict(zip(TELLS, [*tells, self.people], strict=True))
 
     def run(self, name: str) -> dict[str, Any] | None:
         """All contents of the page of a run; None if there is none of this name."""
@@ -317,13 +272,19 @@ class Site:
         feed.refresh()
         return {**feed.view(), "story": feed.lines(0)}
 
-    def _certified(self) -> list[Due]:
-        """Items that have certificates here."""
-        try:
-            with Lab.open(self.places.folder) as lab:
-                return [one for one in what_is_due(lab) if one.role == "item"]
-        except RigError:
-            return []  # the folder cannot be written: `rig lab` says so
+    def people(self) -> list[dict[str, Any]]:
+        """People and programs: who they are, what they may do, and how they log in."""
+        return [
+            {
+                "login": login,
+                "name": one.name,
+                "roles": list(one.roles),
+                "by": [what for what, there in (("password", one.password), ("token", one.token)) if there],
+                "passkeys": list(one.passkeys),
+                "disabled": one.disabled,
+            }
+            for login, one in self.laboratory.people().people.items()
+        ]
 
     def settings(self) -> dict[str, list[dict[str, str]]]:
         """Settings files by folder."""
@@ -355,36 +316,9 @@ def act(name: str, **values: object) -> str:
     return f"/act/{name}?{urlencode(values)}"
 
 
-def moment(utc_s: object) -> str:
-    """A time on this machine's clock, for people; "" for none."""
-    if not isinstance(utc_s, int | float) or not utc_s:
-        return ""
-    return datetime.fromtimestamp(utc_s, UTC).astimezone().strftime("%a %d %b %Y, %H:%M")
-
-
 def changed(path: Path) -> str:
     """When a file was changed, for people; "" if it is gone."""
     try:
         return moment(path.stat().st_mtime)
     except OSError:
         return ""
-
-
-def words_of(one: Any) -> str:
-    """Maker, model and serial number of an entry of the register."""
-    return ", ".join(str(part) for name in ("maker", "model", "serial") if (part := getattr(one, name, "")))
-
-
-def _row(what: str, kind: str, about: str, due: date | None, today: date) -> dict[str, Any]:
-    days = None if due is None else (due - today).days
-    tone = "" if days is None else "bad" if days < 0 else "hold" if days <= SOON_DAYS else "good"
-    said = "" if days is None else f"{-days} days ago" if days < 0 else "today" if not days else f"in {days} days"
-    return {"what": what, "kind": kind, "about": about, "date": due, "due": str(due or ""), "days": said, "tone": tone}
-
-
-def _print(path: Path) -> tuple[int, int] | None:
-    try:
-        stat = path.stat()
-    except OSError:
-        return None
-    return (stat.st_size, stat.st_mtime_ns) if stat.st_size else None  # reading makes an empty -wal

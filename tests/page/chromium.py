@@ -119,7 +119,7 @@ class Page:
                 self.complaints.append(str(parameters["entry"]))
             case "Network.requestWillBeSent":
                 address = parameters["request"]["url"]
-                if not address.startswith(("http://127.0.0.1:", "about:", "data:")):
+                if not address.startswith(("http://127.0.0.1:", "http://localhost:", "about:", "data:")):
                     self.complaints.append(f"asked for {address}")
             case _:
                 pass

@@ -16,13 +16,15 @@ from typing import Any
 from unittest.mock import patch
 from urllib.parse import quote, urlencode
 
+import anyio
 import pytest
 from anyio import to_thread
 from asgi import Answer, ask
 from lab_people import QUICK, WORD, laboratory, typed
 from small_run import write_small
+from starlette.exceptions import HTTPException
 
-from rig.acts import Act, act_of, acts
+from rig.acts import Act, Places, act_of, acts
 from rig.errors import StorageError, UsageError
 from rig.lab import Laboratory, people
 from rig.lab.proposals import decide, propose
@@ -30,10 +32,12 @@ from rig.queue import open_queue
 from rig.run_file.events.laboratory import FileChanged, Proposed
 from rig.runs.plans import load_plan
 from rig.serve import make_app
+from rig.serve.acting import Acting
 from rig.serve.sessions import IDLE_S, LONGEST_S, Patience
 from rig.who import Operator, operator
 
 PAGES = ["/", "/queue", "/runs", "/proposals", "/results", "/certificates", "/equipment", "/log", "/events"]
+ENTRY = {"/login", "/login/challenge", "/login/passkey", "/api/openapi.json", "/favicon.ico"}
 FORM = "application/x-www-form-urlencoded"
 NAMES = {act.name: act for act in acts()}
 
@@ -156,13 +160,19 @@ def test_nothing_is_shown_or_done_without_a_login(server: Server):
     opened = set()
     for path, method in every_route(server):
         answer = server.ask(path, method=method, headers={"content-type": FORM})
-        if path in ("/login", "/api/openapi.json", "/favicon.ico") or path.startswith("/static/"):
+        if path in (
+            "/login",
+            "/login/challenge",
+            "/login/passkey",
+            "/api/openapi.json",
+            "/favicon.ico",
+        ) or path.startswith("/static/"):
             opened.add(path)
         elif path.startswith("/api/"):
             assert answer.status == 401, path
         else:
             assert (answer.status, answer.headers.get("location", "/login")[:6]) in ((303, "/login"), (401, "/login"))
-    assert opened == {"/login", "/api/openapi.json", "/favicon.ico", "/static/1"}
+    assert opened == {*ENTRY, "/static/1"}
 
 
 @pytest.mark.parametrize(
@@ -217,12 +227,38 @@ def test_guessing_passwords_takes_longer_and_longer(server: Server):
 def test_patience_forgets_the_oldest_and_waits_a_quarter_of_an_hour_at_most():
     clock = Clock()
     patience = Patience(clock)
+
+    def fails(key: str) -> None:
+        with patience.attempt(key) as attempt:
+            attempt.failed = True
+
     for _ in range(60):
-        patience.failed("a")
+        fails("a")
     assert patience.wait_s("a") == 900.0
     for number in range(6000):
-        patience.failed(str(number))
+        fails(str(number))
     assert patience.wait_s("a") == 0.0
+
+
+def test_guesses_at_the_same_time_are_counted_while_they_are_checked(server: Server):
+    acting, statuses = Acting(Places(Laboratory(server.folder)), Patience(server.clock)), []
+
+    async def guess(number: int) -> None:
+        try:
+            await acting.password("anna", f"guess {number}", "192.0.2.1")
+        except HTTPException as error:
+            statuses.append(error.status_code)
+        except people.WrongPassword:
+            statuses.append(401)
+
+    async def all_at_once() -> None:
+        async with anyio.create_task_group() as group:
+            for number in range(15):
+                group.start_soon(guess, number)
+
+    anyio.run(all_at_once)
+    assert sorted(statuses) == [401] * 5 + [429] * 10
+    assert acting.patience.wait_s("from 192.0.2.1") == 2.0
 
 
 def test_a_session_ends_by_logout_and_its_cookie_is_worth_nothing(anna: Visitor):
@@ -457,11 +493,11 @@ def test_a_report_runs_nothing(anna: Visitor):
 
 def given(act: type[Act]) -> dict[str, object]:
     """Values for every needed field of an act."""
-    words = {"procedure": "small.toml", "bench": "bench.toml", "run": "none"}
+    words = {"procedure": "small.toml", "bench": "bench.toml", "run": "none", "login": "ben", "roles": "viewer"}
     return {name: words.get(name, 1) for name, one in act.model_fields.items() if one.is_required()}
 
 
-@pytest.mark.parametrize("act", NAMES)
+@pytest.mark.parametrize("act", [name for name, one in NAMES.items() if one.role])
 def test_an_act_needs_its_role(server: Server, act: str):
     vera = logged_in(server, "vera")
     number = proposed(server)
@@ -472,7 +508,8 @@ def test_an_act_needs_its_role(server: Server, act: str):
 
 @pytest.mark.parametrize("act", [name for name, one in NAMES.items() if one.again])
 @pytest.mark.parametrize("password", ["", "battery stapl", WORD["anna"]])
-def test_an_approval_and_a_signature_ask_for_the_password_again(ben: Visitor, act: str, password: str):
+def test_what_decides_asks_for_the_password_again(server: Server, act: str, password: str):
+    ben = logged_in(server, "olga" if NAMES[act].role == "administrator" else "ben")
     proposed(ben.server)
     (ben.server.folder / "runs").mkdir()
     (ben.server.folder / "runs" / "none.sqlite").touch()
