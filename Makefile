@@ -3,7 +3,7 @@ STAMP := .venv/.made-for-these-requirements
 
 .PHONY: demo test test-all test-peers test-kernels test-page check nights mutants figures campaigns figure bench docs clean
 demo: $(STAMP)
-	@.venv/bin/rig demo
+	@.venv/bin/rig demo --loop
 
 test: $(STAMP)
 	@tools/check

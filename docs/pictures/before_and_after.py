@@ -1,4 +1,4 @@
-"""Draw `before_and_after.png` for the README from the run file of `rig demo --short`, given as the only argument."""
+"""Draw `before_and_after.png` for the README from the first run of `make demo`, `NAME-1.sqlite`, the only argument."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def main(run_file: Path) -> None:
     figure, axes = side_by_side(2.9, width=8.4)
     for axis, residual, fit, title in (
         (axes[0], found.residual_before_V, found.before, "before: the declared model"),
-        (axes[1], found.residual_after_V, found.after, "after: the two effects found are added"),
+        (axes[1], found.residual_after_V, found.after, "after: the two confirmed effects are added"),
     ):
         axis.plot(pitch, residual * to_mdeg, ".", markersize=2, color="tab:blue", alpha=0.6)
         axis.axhline(0.0, color="0.5", linewidth=0.7)
