@@ -22,7 +22,7 @@ from rig.loop.decide import Considers, Decision, Left, decide, for_person
 from rig.loop.ends import Ending, Told, each_h, ended, not_made
 from rig.loop.evaluation import Evaluation, with_left_over
 from rig.loop.findings import found_by_first, found_by_later
-from rig.loop.goal import Look, looked, procedure_with
+from rig.loop.goal import Look, kept_for, looked, procedure_with
 from rig.loop.program import SUFFIX, LoopRun, Program
 from rig.loop.timeline import EVALUATION_S, Timeline
 from rig.procedures.errors import DataError
@@ -243,11 +243,15 @@ class Conductor:
     def _look(self, goal: GoalSettings) -> bool:
         """Decide whether one more replication is made, and record it before anything moves."""
         program, procedure = self.program, self.plan.procedure
-        left_h = (program.goal_ends_s - self.timeline.elapsed_s) / 3600.0
+        elapsed_s = self.timeline.elapsed_s
+        left_h, loop_h = ((end_s - elapsed_s) / 3600.0 for end_s in (program.goal_ends_s, program.ends_s))
         runs = program.runs
         hours = each_h(runs, procedure.replications)
         try:
-            look = looked(goal, program.segments, procedure.replications, hours, left_h)
+            look = looked(
+                goal, program.segments, procedure.replications, hours, left_h, loop_h,
+                lambda count: kept_for(self.first, self._decision().run, count, hours),
+            )  # fmt: skip
         except FAULTS as error:
             look = Look(None, f"the goal cannot be judged: {error}")
         if not runs[-1].complete and look.more is not None:

@@ -169,8 +169,15 @@ def decide(
             f"than least_gain = {bounds.least_gain:g}"
         )
         return Decision(None, why, settled, _for_person(asked, considered))
-    said = f"and settles everything with {best.least.chance:.0%}" if best.likely else f"and {_settles(best)}"
-    return Decision(best, f"{words}; {what} {said} ({gain:.2f} per hour)", settled)
+    why = f"{words}; {what} {_said(best)} ({gain:.2f} per hour)"
+    if (better := runs[0]).hours > left.most_h:
+        takes = f"{better.variation.what}, {better.size}, takes {duration(3600.0 * better.hours)} {_said(better)}"
+        why += f"; given up for lack of time: {takes}"
+    return Decision(best, why, settled)
+
+
+def _said(run: Proposal) -> str:
+    return f"and settles everything with {run.least.chance:.0%}" if run.likely else f"and {_settles(run)}"
 
 
 def _beside(answer: Confirmation) -> str:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rig.by_kind import fit_table
 from rig.errors import UsageError
+from rig.fitter.confirm.together import solve
 from rig.fitter.sequential import t_of, widening
 from rig.loop.decide import PARKING_H
 from rig.loop.goal_of_results import Aim, of_results
@@ -20,6 +23,7 @@ from rig.procedures.tables.table import Table
 from rig.runs.forecast import ALLOWANCE
 from rig.tables import run_table
 from rig.tables.segments import table_of
+from rig.verbs.confirm import First, Proposal
 
 _NORMAL = 1.959964
 """Standard uncertainties of a 95 % interval: the goal `sigma` is one of them."""
@@ -31,6 +35,49 @@ class Look:
 
     more: int | None
     why: str
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Time that is kept for a further run, because it helps more than one more replication: hours, and why in words."""
+
+    hours: float = 0.0
+    why: str = ""
+
+
+def kept_for(first: First, run: Proposal | None, replications: int, hours: float) -> Kept:
+    """The time of a further run, if it takes more from the error per hour than one more replication.
+
+    A replication narrows intervals by the root of the number of replications. A further run that confirms effects
+    takes away what they add to the scatter, with its probability.
+
+    Args:
+        first: the traced run.
+        run: the best further run; None without one.
+        replications: number of those that were made.
+        hours: bench time of one more.
+    """
+    if run is None:
+        return Kept()
+    by_run = run.least.chance * (1.0 - 1.0 / math.hypot(1.0, _beyond_scatter(first, run)))
+    by_one_more = 1.0 - math.sqrt(replications / (replications + 1.0))
+    if by_run / run.hours <= by_one_more / hours:
+        return Kept()
+    return Kept(
+        run.hours * (1.0 + ALLOWANCE),
+        f"{duration(3600.0 * run.hours)} are kept for a further run, {run.variation.what}, which by forecast takes "
+        f"{by_run:.0%} from the error ({by_run / run.hours:.1f} per hour), and one more replication {by_one_more:.0%} "
+        f"({by_one_more / hours:.1f} per hour)",
+    )
+
+
+def _beyond_scatter(first: First, run: Proposal) -> float:
+    """Size of the effects of all open questions in the first run, rms over the scatter of a reading."""
+    variation = run.variation
+    ways = first.confirming.ways(variation, variation.procedure.expand(), first.questions, first.later_s)
+    made = ways[0].only(~ways[0].last)
+    columns = made.columns_of([term for question in first.questions for term in question.terms])
+    return float(np.sqrt(np.mean((columns @ solve(columns, made.outputs)) ** 2)))
 
 
 @dataclass(frozen=True)
@@ -50,7 +97,15 @@ def procedure_with(procedure: Procedure, **changes: Any) -> Any:
     return changed.model_copy(update=changes)
 
 
-def looked(goal: GoalSettings, segments: Sequence[Path], first: int, hours: float, left_h: float) -> Look:
+def looked(
+    goal: GoalSettings,
+    segments: Sequence[Path],
+    first: int,
+    hours: float,
+    left_h: float,
+    loop_h: float = math.inf,
+    kept: Callable[[int], Kept] = lambda _: Kept(),
+) -> Look:
     """Whether one more replication is made.
 
     Args:
@@ -58,7 +113,9 @@ def looked(goal: GoalSettings, segments: Sequence[Path], first: int, hours: floa
         segments: files of all replications so far.
         first: number of replications of the first of them.
         hours: bench time of one more.
-        left_h: time left, hours.
+        left_h: time left for the goal, hours.
+        loop_h: time left for the loop, hours.
+        kept: gives the time that is kept for a further run, for the number of replications; asked if time is scarce.
 
     Raises:
         UsageError: no sensor has the named coefficient, parameter or result.
@@ -82,8 +139,16 @@ def looked(goal: GoalSettings, segments: Sequence[Path], first: int, hours: floa
     said += f"; about {needed} replications meet it, {count} are made"
     if count >= goal.most_replications or needed > 2 * goal.most_replications:
         return Look(None, f"the goal cannot be met: {said}, and most_replications = {goal.most_replications}")
-    if hours * (1.0 + ALLOWANCE) + PARKING_H > left_h:
+    one_h = hours * (1.0 + ALLOWANCE) + PARKING_H
+    if one_h > left_h:
         return Look(None, f"no time is left for the goal: {said}; one more takes {duration(3600.0 * hours)}")
+    every_h = (needed - count) * hours
+    if every_h * (1.0 + ALLOWANCE) + PARKING_H > min(left_h, loop_h):
+        said += f", and the others take {duration(3600.0 * every_h)}"
+        spared = kept(count)
+        if one_h + spared.hours > loop_h:
+            left = f"of {duration(3600.0 * loop_h)} that are left {spared.why}"
+            return Look(None, f"the goal is given up: {said}; {left}")
     return Look(count + 1, f"{said}; one more takes {duration(3600.0 * hours)} of {duration(3600.0 * left_h)}")
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import random
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,20 +18,23 @@ from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.examples import example
 from rig.loop import Program, open_program, start_loop
+from rig.loop.decide import Left, decide
 from rig.loop.timeline import clock_time
+from rig.procedures.plan.settings import LoopSettings
 from rig.run_file.read.reader import RunReader
 from rig.run_file.verify.verification import verify_file
 from rig.tables.segments import table_of
+from rig.verbs.confirm import consider, open_traced
 
 EVALUATIONS = Evaluations()
 """Traces of the same readings are computed once."""
 
 
-def with_goal(folder: Path, goal: str, hours: float | None = None, begin: bool = True) -> Any:
+def with_goal(folder: Path, goal: str, hours: float | None = None, begin: bool = True, most_runs: int = 0) -> Any:
     """A loop of the voltmeter with a goal, closed after it; or its folder, prepared."""
     path = shorter(folder)
     if "[goal]" not in path.read_text():
-        path.write_text(f"{path.read_text()}\n[goal]\n{goal}\n[loop]\nmost_runs = 0\n")
+        path.write_text(f"{path.read_text()}\n[goal]\n{goal}\n[loop]\nmost_runs = {most_runs}\n")
     if not begin:
         return path
     lab = example(LAB)
@@ -37,7 +42,7 @@ def with_goal(folder: Path, goal: str, hours: float | None = None, begin: bool =
         ending = start_loop(
         path, lab / "bench.toml", folder, hours=hours or 8, dry=True, world=lab / "world.toml",
         announce=lambda _path, _plan: None, signals=Signals(), on_progress=lambda _: None, told=Silent(),
-        considered=lambda _first, **_how: (),
+        considered=EVALUATIONS.consider if most_runs else lambda _first, **_how: (),
         )  # fmt: skip
     assert ending.outcome is Outcome.COMPLETE
     return ending.program
@@ -92,6 +97,32 @@ def test_a_goal_for_which_no_time_is_left_is_said(tmp_path: Path):
     program = with_goal(tmp_path, goal, hours=0.4)
     assert why(program).startswith("no time is left for the goal: ")
     assert len(program.runs) == 1
+
+
+def test_time_that_is_scarce_is_kept_for_what_takes_more_from_the_error(tmp_path: Path):
+    """After the first run 15 min are left: for one more replication, or for the run that confirms the step."""
+    goal = "sigma = { input_V = 4e-9 }\nleast_replications = 2\nmost_replications = 30"
+    program = with_goal(tmp_path, goal, hours=0.45, most_runs=1)
+    assert why(program).startswith("the goal is given up: input_V of meter_V is known to +-")
+    assert "that are left 3 min are kept for a further run, the same again, which by forecast takes " in why(program)
+    assert "and one more replication 18% (1.8 per hour)" in why(program)
+    assert [run.planned.what for run in program.runs] == ["voltmeter, six ranges", "the same again"]
+    assert program.closed is not None
+    assert program.closed.settled
+
+
+def test_a_longer_run_that_the_time_does_not_hold_is_named_with_its_hours(met: Program):
+    with CrashedLoop(met.path.parent, EVALUATIONS).watched():
+        first = open_traced(met.segments[0])
+    short = consider(first, only=lambda one: one.varies == "again", changes=False)[0]
+    long = replace(short, hours=3.0)
+    left = Left(hours=1.0, runs=3, allow=LoopSettings().allow)
+    told = decide(
+        first, None, LoopSettings(), left, lambda within, **_how: [long if within.most_h == math.inf else short]
+    )
+    assert told.run is short
+    assert "; given up for lack of time: the same again, " in told.why
+    assert ", takes 3 h 00 min and settles everything with " in told.why.partition("given up")[2]
 
 
 def test_a_name_that_no_sensor_has_is_said_with_the_known_ones(tmp_path: Path):
