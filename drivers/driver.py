@@ -14,8 +14,11 @@ from rig.drivers.clock import Clock
 from rig.drivers.roles import Instrument
 from rig.drivers.wires import Wires
 
-Medium = Literal["serial", "modbus", "can", "none"]
-"""Kind of wire, "none" for a person. It determines which addresses are valid (`rig.drivers.wires.addresses`)."""
+Medium = Literal["serial", "modbus", "can", "bridge", "none"]
+"""Kind of wire; "bridge" for what another library reaches, "none" for a person.
+
+It determines which addresses are valid (`rig.drivers.wires.addresses`).
+"""
 
 
 class ContractFile(NamedTuple):

@@ -20,6 +20,7 @@ from rig.drivers.kept import not_kept
 from rig.drivers.numbers import decimal, whole
 from rig.drivers.roles import Identity
 from rig.drivers.wires import SerialLine
+from rig.drivers.wires.line import Line
 
 SYNC = ("SYST:VERS?", "19")
 """A question that is only used for synchronisation; the answer is the year of the standard and a revision: 1991.0."""
@@ -310,7 +311,7 @@ def raise_errors(line: SerialLine, ask: Callable[[], str], most: int, question: 
         raise InstrumentError(line.where, first, words + "".join(f"; then {c} {t}" for c, t in others))
 
 
-def forget_errors(raise_errors: Callable[[], None], line: SerialLine) -> None:
+def forget_errors(raise_errors: Callable[[], None], line: Line) -> None:
     """Empty an error queue of errors that are nobody's; an answer that makes no sense is left for later."""
     for _ in range(2):
         try:

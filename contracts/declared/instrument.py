@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, JsonValue, ValidationError, model_validator
 
-from rig.contracts.declared.exchanges import MEANINGS, Ask, Check, Strict, Tell, Tells, Texts
+from rig.contracts.declared.bridges import PATTERN, bridged, completed
+from rig.contracts.declared.defects import WHERE, said, unknown_words, wrong_forms
+from rig.contracts.declared.exchanges import Ask, Check, Strict, Tell, Tells, Texts
 from rig.contracts.declared.forms import Form
 
 Frame = Literal["7E1", "7E2", "7O1", "7O2", "8N1", "8N2", "8E1", "8O1"]
@@ -172,24 +175,16 @@ class Source(Strict):
 STAND_IN = "stand-in"
 """What a table is about that stands in a dry run for an instrument without a twin."""
 
-_WHERE = {
-    "identity": "a question that tells it from others; in the manual: identification, `*IDN?`, version",
-    "reading": "a question for a reading; in the manual: remote commands, reading, measure, transmit weight",
-    "unit": "unit of its quantity, such as degC; in the manual: specifications, units",
-    "low": "lowest setpoint; in the manual: specifications, range",
-    "high": "highest setpoint; in the manual: specifications, range",
-    "set": "a command with {value}; in the manual: remote commands, setpoint",
-    "setpoint": "a question for the setpoint, so that it is read back; in the manual: remote commands, setpoint",
-    "safe": "a safe state: off with output, or safe_value; in the manual: output, standby, control on and off, vent",
-    "settled": "how it has arrived: settled, or read with tolerance, or dwell_s; in the manual: status, stability",
-    "register": "number of the register; in the manual: Modbus parameters, address",
-}
-"""Required keys: their meaning, and where a manual has it."""
-
 
 class Instrument(Strict):
     """A whole file."""
 
+    bridge: str = Field(
+        "",
+        pattern=PATTERN,
+        description="driver of another library that reaches it: questions are attributes of it, commands set them",
+    )
+    arguments: dict[str, JsonValue] = Field({}, description="of a bridge: what its class takes besides")
     maker: str = Field("", description="maker, as it spells itself")
     model: Texts = Field((), description="model; of a family all models that answer alike")
     about: str = Field("", description="what it is, for the list")
@@ -219,10 +214,17 @@ class Instrument(Strict):
     @model_validator(mode="before")
     @classmethod
     def _standard(cls, given: Any) -> Any:
+        if isinstance(given, dict) and given.get("bridge"):
+            return completed(given)
         if not isinstance(given, dict) or not given.get("scpi"):
             return given
         prepared = {"tell": ["*PSC 1", "*ESE 52"], "check": {"ask": "*ESE?", "is": 52}}
         return {"identity": {"ask": "*IDN?"}, "errors": {"ask": "SYST:ERR?"}, "mark": prepared, **given}
+
+    @property
+    def any_model(self) -> bool:
+        """Whether its maker and model are whatever the library of a bridge says."""
+        return bool(self.bridge) and self.model == (bridged(self.bridge).model,)
 
     @property
     def modbus(self) -> bool:
@@ -298,7 +300,7 @@ class Instrument(Strict):
         if not self.model:
             yield "model is missing"
         if self.identity is None:
-            yield f"identity is missing: {_WHERE['identity']}"
+            yield f"identity is missing: {WHERE['identity']}"
         if self.reader is None and self.source is None:
             yield "a role is missing: [reader] if it measures, [source] if it sets something"
         reader, source = self.reader, self.source
@@ -309,19 +311,19 @@ class Instrument(Strict):
                 lacking.remove("reading")
             if "unit" in lacking and reader.channels and all(one.unit for one in reader.channels.values()):
                 lacking.remove("unit")
-            yield from (f"reader.{key} is missing: {_WHERE[key]}" for key in lacking)
+            yield from (f"reader.{key} is missing: {WHERE[key]}" for key in lacking)
             if bool(reader.start) != (reader.fetch is not None):
                 yield "reader.start and reader.fetch belong together"
         if source is not None:
             for key in ("unit", "low", "high"):
                 if getattr(source, key) is None:
-                    yield f"source.{key} is missing: {_WHERE[key]}"
+                    yield f"source.{key} is missing: {WHERE[key]}"
             if not source.set:
-                yield f"source.set is missing: {_WHERE['set']}"
+                yield f"source.set is missing: {WHERE['set']}"
             if source.setpoint is None and not any(one.answer for one in source.set) and source.read is None:
-                yield f"source.setpoint is missing: {_WHERE['setpoint']}"
+                yield f"source.setpoint is missing: {WHERE['setpoint']}"
             if source.safe_value is None and not source.off:
-                yield f"source has no safe state: {_WHERE['safe']}"
+                yield f"source has no safe state: {WHERE['safe']}"
 
     def _wrong(self) -> Iterator[str]:
         if self.source is not None:
@@ -335,10 +337,10 @@ class Instrument(Strict):
                 yield f"{place} has no {key}{f', but {other}' * (line is not None or one.register_ is not None)}"
             if self.modbus and isinstance(one, Tell) and one.value is None and place != "source.set":
                 yield f"{place} has no value to write"
-            yield from _forms(place, one, line, self.parameters)
+            yield from wrong_forms(place, one, line, self.parameters)
             if isinstance(one, Ask):
-                yield from _words(f"{place}.words", one.words)
-        yield from _words("words", self.words)
+                yield from unknown_words(f"{place}.words", one.words)
+        yield from unknown_words("words", self.words)
         for place, form in (("request", self.wire.request), ("reply", self.wire.reply)):
             if "{line}" not in form:
                 yield f"wire.{place} = {form!r} lacks {{line}}"
@@ -361,38 +363,10 @@ def _of_source(source: Source) -> Iterator[str]:
         yield f"source.readback = {source.readback:g} is less than half the step of set, {source.step:g}"
 
 
-def _words(place: str, words: Mapping[str, str]) -> Iterator[str]:
-    for word, meaning in words.items():
-        if meaning.partition(":")[0] not in MEANINGS:
-            yield f"{place}: {word} is {meaning!r}; known: {', '.join(MEANINGS)}, or `error: TEXT`"
-
-
-def _forms(place: str, one: Ask | Tell, line: str | None, parameters: Mapping[str, object]) -> Iterator[str]:
-    known = {"value", "count", "channel", "mark", *parameters}
-    try:
-        for name in Form(line or "").fields:
-            if name not in known:
-                yield f"{place}: {{{name}}} is no parameter; parameters are {', '.join(parameters) or 'none'}"
-        if place == "source.set" and line is not None and isinstance(one, Tell) and "value" not in Form(line).fields:
-            return  # a command of the sequence
-        for form in one.forms if isinstance(one, Ask) else one.answer:
-            Form(form)
-    except ValueError as error:
-        yield f"{place}: {error}"
-
-
 def parse(text: str) -> Instrument:
-    """The instrument of a file's text. Raises `ValueError` with all that is wrong."""
-    values: dict[str, Any] = tomllib.loads(text)
+    """The instrument of a file's text, TOML or JSON. Raises `ValueError` with all that is wrong."""
+    values: dict[str, Any] = json.loads(text) if text.startswith("{") else tomllib.loads(text)
     try:
         return Instrument.model_validate(values)
     except ValidationError as error:
-        raise ValueError("; ".join(_said(one) for one in error.errors())) from None
-
-
-def _said(error: Any) -> str:
-    place = ".".join(map(str, error["loc"]))
-    words = str(error["msg"]).removeprefix("Value error, ")
-    if error["type"] == "extra_forbidden":
-        words = "is no key here"
-    return f"{place}: {words}" if place else words
+        raise ValueError("; ".join(said(one) for one in error.errors())) from None

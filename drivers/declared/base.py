@@ -80,7 +80,8 @@ class Declared:
             except BadReply:
                 raise WrongInstrument(f"{self._where} should be a {wanted}: {error}") from None
         fields = {"maker": table.maker, "model": table.model[0], "serial": "", "firmware": "", **found.fields}
-        same = fields["model"] in table.model and table.maker in ("", fields["maker"])
+        same = fields["model"] in table.model or table.any_model
+        same = same and table.maker in ("", fields["maker"])
         if asked.is_ is not None:
             same = same and self._talk.agree(found, asked.is_)
         if not same:
@@ -136,7 +137,9 @@ class Declared:
         return self.table.remembers and bool(self._unlike(self.table.check))
 
     def remarks(self) -> Sequence[str]:
-        """Said of a stand-in: that it is one."""
+        """Said of a stand-in: that it is one; of a bridge, that nothing says who should be behind it."""
+        if self.table.any_model:
+            return ("the bench file does not say which instrument it should be: write its maker and model",)
         if self.table.about != STAND_IN:
             return ()
         return ("has no twin: a stand-in of its role answers, whose lines are not those of the instrument",)
@@ -167,7 +170,11 @@ def _talk(table: Instrument, name: str, address: str, options: Any, wires: Wires
         from rig.drivers.declared.modbus import ModbusTalk  # noqa: PLC0415 - few benches have one
 
         return ModbusTalk(table, name, address, wires, clock)
+    parameters = {key: getattr(options, key) for key in table.parameters}
+    if table.bridge:
+        from rig.drivers.declared.bridged import BridgedTalk  # noqa: PLC0415
+
+        return BridgedTalk(table, name, address, parameters, wires, clock)
     from rig.drivers.declared.text import TextTalk  # noqa: PLC0415
 
-    parameters = {key: getattr(options, key) for key in table.parameters}
     return TextTalk(table, name, address, options.settings(address), parameters, wires, clock)

@@ -183,7 +183,7 @@ class DeclaredReader(Declared):
         return self._value(found.fields.get(ask.field, ""), found.value)
 
     def _value(self, printed: str, value: float) -> tuple[str, float]:
-        if self.table.modbus:  # frames have a checksum, and numbers no form
+        if self.table.modbus or self.table.bridge:  # no digit is lost on the way, and numbers have no form
             printed = ""
         if abs(value) >= self._reader.overload:
             return printed, OVERLOAD if value > 0 else -OVERLOAD

@@ -17,7 +17,8 @@ from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
 from rig.drivers.errors import BadReply, InstrumentError, NoReply
 from rig.drivers.scpi import agrees, forget_errors
 from rig.drivers.scpi_learned import same_unit
-from rig.drivers.wires import SerialLine, SerialSettings, Wires
+from rig.drivers.wires import SerialSettings, Wires
+from rig.drivers.wires.line import Line
 from rig.drivers.wires.serial_options import Flow
 
 _NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?")
@@ -60,9 +61,23 @@ class TextTalk(Talk):
         clock: Clock,
     ) -> None:
         wire, self._parameters = table.wire, parameters
-        baud, frame, flow = settings
         self._shared = bool(wire.preamble) or any(hole in wire.request for hole in parameters)
-        self.line: SerialLine = wires.serial(
+        self.line: Line = self._opened(table, name, address, settings, wires)
+        super().__init__(table, clock, self.line.where)
+        self._request, self._reply = (self._form(text) for text in (wire.request, wire.reply))
+        self._plain = wire.request == "{line}" and wire.reply == "{line}"
+        self._free = -math.inf  # the time from which the next line may be sent
+        self._compiled: dict[int, _Compiled] = {}
+        self._refusals = [self._form(text) for text in table.errors.replies]
+        self._errors = [self._form(text) for text in table.errors.answer]
+        self._begun = False
+
+    def _opened(
+        self, table: Instrument, name: str, address: str, settings: tuple[int, str, Flow], wires: Wires
+    ) -> Line:
+        """Open the line. Raises `Unreachable`."""
+        wire, (baud, frame, flow) = table.wire, settings
+        return wires.serial(
             address,
             SerialSettings(
                 baud,
@@ -75,24 +90,20 @@ class TextTalk(Talk):
             ),
             name,
         )
-        super().__init__(table, clock, self.line.where)
-        self._request, self._reply = (self._form(text) for text in (wire.request, wire.reply))
-        self._plain = wire.request == "{line}" and wire.reply == "{line}"
-        self._free = -math.inf  # the time from which the next line may be sent
-        self._compiled: dict[int, _Compiled] = {}
-        self._refusals = [self._form(text) for text in table.errors.replies]
-        self._errors = [self._form(text) for text in table.errors.answer]
-        self._begun = False
 
     def _form(self, text: str, words: frozenset[str] = frozenset()) -> Form:
         return Form(text, words).filled(self._parameters)
+
+    def _forms(self, one: Ask) -> tuple[str, ...]:
+        """Forms of the answer to a question."""
+        return one.forms
 
     def _of(self, one: Ask | Tell) -> _Compiled:
         """A question or command with its forms; they are made at its first use."""
         found = self._compiled.get(id(one))
         if found is None:
             if isinstance(one, Ask):
-                words, forms, line = frozenset({**self.table.words, **one.words}), one.forms, one.ask
+                words, forms, line = frozenset({**self.table.words, **one.words}), self._forms(one), one.ask
             else:
                 words, forms, line = frozenset(), one.answer, one.tell
             request = self._form(line or "")
@@ -183,7 +194,7 @@ class TextTalk(Talk):
             if fields is not None:
                 return self._meaning(ask, form, fields, raw, holes)
         self._refused(ask.said, raw)
-        raise self.bad(ask, raw, " or ".join(f"an answer as in {text!r}" for text in ask.forms))
+        raise self.bad(ask, raw, " or ".join(f"an answer as in {text!r}" for text in self._forms(ask)))
 
     def _refused(self, said: str, raw: str) -> None:
         """Raise `InstrumentError` if an answer means one."""

@@ -27,6 +27,9 @@ class Wires:
         simulated: for a dry run, by kind ("modbus", "can"), a factory that takes a `sim://KEY/INSTRUMENT` address and
             returns the simulated wire. Serial `sim://` addresses go through pyserial instead.
         tap: called for every transfer on every wire, with (instrument, "tx" or "rx", bytes).
+
+    Attributes:
+        clock, tap: as given.
     """
 
     def __init__(
@@ -37,8 +40,8 @@ class Wires:
         tap: Tap | None = None,
     ) -> None:
         self._simulated = simulated or {}
-        self._clock = clock
-        self._tap = tap
+        self.clock = clock
+        self.tap = tap
         self._serial: dict[str, SerialLine] = {}
         # these two are imported only for benches that have them: the import takes a tenth of a second
         self._modbus: ModbusWires | None = None
@@ -58,7 +61,7 @@ class Wires:
         line = self._serial.get(address)
         if line is None:
             kind = _line_class(address)
-            line = self._serial[address] = kind(address, settings, self._clock, label=name, tap=self._tap)
+            line = self._serial[address] = kind(address, settings, self.clock, label=name, tap=self.tap)
         elif line.settings != settings:
             raise Unreachable(
                 f"{name or address}: {line.where} already uses this line{line.port_settings and ' at '}"
@@ -82,7 +85,7 @@ class Wires:
         if self._modbus is None:
             from rig.drivers.wires.modbus import ModbusWires  # noqa: PLC0415
 
-            self._modbus = ModbusWires(self._clock, self._simulated.get("modbus"), self._tap)
+            self._modbus = ModbusWires(self.clock, self._simulated.get("modbus"), self.tap)
         return self._modbus.line(address, name, timeout_s)
 
     def can(self, address: str, name: str = "") -> CanLine:
@@ -99,7 +102,7 @@ class Wires:
         if self._can is None:
             from rig.drivers.wires.can import CanWires  # noqa: PLC0415
 
-            self._can = CanWires(self._clock, self._simulated.get("can"), self._tap)
+            self._can = CanWires(self.clock, self._simulated.get("can"), self.tap)
         return self._can.line(address, name)
 
     def close(self) -> None:

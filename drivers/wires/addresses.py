@@ -42,7 +42,9 @@ _CAN_CHANNELS = {
 }
 """python-can's adapters that may be opened, with the pattern of their channels; slcan is on a serial device."""
 
-Wire = Literal["serial", "modbus", "can"]
+_EPICS = re.compile(r"epics:[!-~]{1,60}")
+
+Wire = Literal["serial", "modbus", "can", "bridge"]
 
 
 @dataclass(frozen=True)
@@ -268,8 +270,22 @@ class CanAddress:
         return self.channel.partition("@")[0] if self.interface == "slcan" else None
 
 
+@dataclass(frozen=True)
+class EpicsAddress:
+    """Name of an EPICS process variable, or the begin of several; which host has it, the network is asked.
+
+    Attributes:
+        place: the name.
+    """
+
+    place: str
+    host: ClassVar[HostPort | None] = None
+    device: ClassVar[str | None] = None
+    simulated: ClassVar[bool] = False
+
+
 TextAddress = SerialAddress | VisaAddress
-Address = TextAddress | ModbusAddress | CanAddress
+Address = TextAddress | ModbusAddress | CanAddress | EpicsAddress
 
 
 def text_address(address: str) -> TextAddress:
@@ -297,6 +313,8 @@ def parse_address(address: str, wire: Wire | None = None) -> Address:
         return ModbusAddress.parse(address)
     if wire == "can" or (wire is None and address.startswith("can:")):
         return CanAddress.parse(address)
+    if wire in ("bridge", None) and _EPICS.fullmatch(address):
+        return EpicsAddress(address.partition(":")[2])
     return text_address(address)
 
 

@@ -61,6 +61,7 @@ class SerialSettings:
         quiet_s: bench seconds of silence after which the line counts as synchronised again.
         sync: a question without side effects that is only used for synchronisation, and a pattern of all its answers;
             None if there is none, and silence must be enough.
+        encoding: of replies.
     """
 
     baud: int
@@ -71,6 +72,7 @@ class SerialSettings:
     timeout_s: float = 1.0
     quiet_s: float = 0.3
     sync: tuple[str, str] | None = None
+    encoding: Literal["ascii", "utf-8"] = "ascii"
 
 
 class SerialLine:
@@ -212,7 +214,7 @@ class SerialLine:
         if not ended:
             raise self._silent("nothing, since it talks by itself", bytes(received), timeout_s)
         try:
-            return line.decode("ascii").strip()
+            return line.decode(self.settings.encoding).strip()
         except UnicodeDecodeError:
             raise self.bad_reply("nothing", bytes(line), "text; do baud rate and frame match") from None
 
@@ -387,7 +389,7 @@ class SerialLine:
         except _PORT_ERRORS as error:
             self._lost(error)
         try:  # ASCII is strict on purpose: a wrong baud rate or frame shows as bytes above 127
-            lines = received.decode("ascii").split(self._reply_end)
+            lines = received.decode(self.settings.encoding).split(self._reply_end)
         except UnicodeDecodeError:
             doubt = "do baud rate and frame match" if self.port_settings else "do the serial server's settings match"
             doubt = "" if self._place.messages else f"; {doubt} the instrument's?"

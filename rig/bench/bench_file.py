@@ -40,7 +40,7 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
                 raise ConfigurationError(f"{where}: instruments.{name}.address: a {instrument.driver} has no address")
         elif not instrument.address:
             raise ConfigurationError(f"{where}: instruments.{name}.address is missing: where is it connected?")
-        elif strict and cls.wire == "serial" and instrument.address in taken and not getattr(cls, "shares", False):
+        elif strict and instrument.address in taken and not _may_share(cls):
             both = f"instruments.{taken[instrument.address]} and instruments.{name}"
             raise ConfigurationError(f"{where}: {both} have one address, {instrument.address}: each needs its own")
         elif strict:  # otherwise the wires refuse it when they are opened: measured data can still be read
@@ -55,6 +55,11 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
     _check_references(config, where)
     _check_safety(config, checked, where)
     return checked
+
+
+def _may_share(cls: DriverClass) -> bool:
+    """Whether another instrument may have the same address."""
+    return cls.wire not in ("serial", "bridge") or bool(getattr(cls, "shares", False))
 
 
 def _check_address(address: str, cls: DriverClass, where: str, *, simulated: bool) -> None:

@@ -18,6 +18,7 @@ from typing import Any, Literal, Self, TypeVar, cast
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rig.bench.approach import Approach
+from rig.bench.bridges import with_bridges
 from rig.bench.protection import InterlockConfig, SafetyConfig
 from rig.errors import ConfigurationError
 from rig.files.explained import explain
@@ -377,7 +378,7 @@ def parse_bench(text: str, where: str, *, strict: bool = True) -> BenchConfig:
     values = parse_toml(text, where)
     if "kind" in values:
         raise ConfigurationError(f"{where} is a procedure, because it has a kind; name the bench file here")
-    return validated(BenchConfig, values, where, strict=strict)
+    return validated(BenchConfig, with_bridges(values, where), where, strict=strict)
 
 
 def parse_procedure(text: str, where: str, *, strict: bool = True) -> Procedure:

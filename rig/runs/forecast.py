@@ -119,8 +119,10 @@ def _assumed(plan: Plan) -> Iterator[str]:
         thermometers = bench.thermometers(name)
         follows = _follows(bench, name)
         if setter in sources and unit_of(name) == TEMPERATURE_UNIT:
-            if "time_constant_s" not in bench.instruments[setter].options and not follows:
-                known = "time_constant_s" in driver_class(bench.instruments[setter].driver).Options.model_fields
+            driver = driver_class(bench.instruments[setter].driver)
+            told = {**getattr(driver, "supplied", {}), **bench.instruments[setter].options}
+            if "time_constant_s" not in told and not follows:
+                known = "time_constant_s" in driver.Options.model_fields
                 better = f"; instruments.{setter}.time_constant_s in the bench file says better" if known else ""
                 yield f"assumed: {setter} approaches its setting with a time constant of {FOLLOWS_S:g} s{better}"
         elif factor.hard and unit_of(name) == TEMPERATURE_UNIT and setter in chambers and not follows:

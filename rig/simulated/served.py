@@ -15,6 +15,7 @@ from rig.sims.physics import WorldError
 from rig.sims.serve import serve
 from rig.simulated.calendar import dated
 from rig.simulated.dry_run import plain, twin_classes
+from rig.simulated.stand_ins import with_stand_ins
 
 
 def serve_bench(
@@ -48,6 +49,7 @@ def serve_bench(
         check_added_to(tape, [bench, world, live])
     config, _ = read_bench(bench)
     check_options(config, str(bench))
+    config = with_stand_ins(config)
     text = "" if world is None else read_text(world, "world")
     found = register_beside(config, bench)
     if found is not None and live.parent.resolve() != bench.parent.resolve():

@@ -6,11 +6,12 @@ lines are those of no instrument, which the run says.
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any, cast
 
 from rig.bench.config import InstrumentConfig
 from rig.bench.plugins import driver_class, installed, text_of
-from rig.contracts.declared.instrument import STAND_IN
+from rig.contracts.declared.instrument import STAND_IN, parse
 from rig.drivers.roles import Reader, Source
 from rig.errors import ConfigurationError
 from rig.procedures.column_names import unit_of
@@ -23,8 +24,10 @@ _WIDE = (-1e6, 1e6)
 
 
 def lacks_twin(driver: str) -> bool:
-    """Whether a driver is installed, and no twin for it."""
-    return not text_of(driver) and driver in installed("rig.drivers") and driver not in installed("rig.twins")
+    """Whether a driver is installed, and no twin for it: a bridge never has one."""
+    if text := text_of(driver):
+        return bool(parse(text).bridge)
+    return driver in installed("rig.drivers") and driver not in installed("rig.twins")
 
 
 def with_stand_ins(config: BenchConfig) -> BenchConfig:
@@ -40,8 +43,20 @@ def with_stand_ins(config: BenchConfig) -> BenchConfig:
     for name in lacking:
         given = instruments[name].model_dump(include={"asset", "due", "serial", "coarse"})
         table = {"driver": _table(config, name), "address": "socket://stand-in:1", **given}
+        if text := text_of(instruments[name].driver):
+            table |= {"driver": _of_bridge(text), **instruments[name].options}
         instruments[name] = InstrumentConfig.model_validate(table)
     return config.model_copy(update={"instruments": instruments})
+
+
+def _of_bridge(text: str) -> str:
+    """The table of a bridge, as lines of text."""
+    values = parse(text).model_dump(mode="json", by_alias=True, exclude_unset=True)
+    reader = values.get("reader", {})
+    for one in (reader, *reader.get("channels", {}).values()):
+        if one.get("reading") and not one["reading"].get("answer"):
+            one["reading"]["answer"] = ["{value:.9e}"]  # all readings in one form, so that a lost digit is noticed
+    return json.dumps({**values, "bridge": "", "arguments": {}, "about": STAND_IN}, indent=1) + "\n"
 
 
 def _table(config: BenchConfig, name: str) -> str:

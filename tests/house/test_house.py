@@ -21,6 +21,7 @@ WORDS = frozenset({"pitch", "roll", "psia", "mv", "bridge", "attitude", "transdu
 NAMES = frozenset({"pitch-roll", "whole-plot", "general"})
 """Kinds, as procedures and results name them: texts of their own."""
 
+_LIBRARY = "a bridge to the driver of another library is none of resistors"
 _CONTROLLER = "the role of a pressure controller, and of the line it fills"
 EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     "verbs/plan/unit_doubts.py": ({"mv"}, "units that a misspelt one may be meant for"),
@@ -29,6 +30,9 @@ EXCEPTIONS: dict[str, tuple[set[str], str]] = {
     "new/files.py": ({"general", "psia"}, "first files are those of any laboratory; the role of a pressure controller"),
     "cli/demo.py": ({"attitude", "roll", "transducers"}, "the example laboratories, and what is in them"),
     "bench/config.py": ({"sse"}, "a bench file's units of outputs and places of thermometers"),
+    "bench/bridges.py": ({"bridge"}, _LIBRARY),
+    "bench/bench_file.py": ({"bridge"}, _LIBRARY),
+    "simulated/stand_ins.py": ({"bridge"}, _LIBRARY),
     "engine/axes.py": ({"psia"}, _CONTROLLER),
     "engine/safe_state.py": ({"psia"}, _CONTROLLER),
     "runs/forecast.py": ({"sse"}, "places of thermometers of a bench file"),

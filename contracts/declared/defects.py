@@ -1,0 +1,54 @@
+"""Defects of an instrument's file, in words, and where a manual has what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from rig.contracts.declared.exchanges import MEANINGS, Ask, Tell
+from rig.contracts.declared.forms import Form
+
+WHERE = {
+    "identity": "a question that tells it from others; in the manual: identification, `*IDN?`, version",
+    "reading": "a question for a reading; in the manual: remote commands, reading, measure, transmit weight",
+    "unit": "unit of its quantity, such as degC; in the manual: specifications, units",
+    "low": "lowest setpoint; in the manual: specifications, range",
+    "high": "highest setpoint; in the manual: specifications, range",
+    "set": "a command with {value}; in the manual: remote commands, setpoint",
+    "setpoint": "a question for the setpoint, so that it is read back; in the manual: remote commands, setpoint",
+    "safe": "a safe state: off with output, or safe_value; in the manual: output, standby, control on and off, vent",
+    "settled": "how it has arrived: settled, or read with tolerance, or dwell_s; in the manual: status, stability",
+    "register": "number of the register; in the manual: Modbus parameters, address",
+}
+"""Required keys: their meaning, and where a manual has it."""
+
+
+def unknown_words(place: str, given: Mapping[str, str]) -> Iterator[str]:
+    """Words of an answer without a meaning that is known."""
+    for word, meaning in given.items():
+        if meaning.partition(":")[0] not in MEANINGS:
+            yield f"{place}: {word} is {meaning!r}; known: {', '.join(MEANINGS)}, or `error: TEXT`"
+
+
+def wrong_forms(place: str, one: Ask | Tell, line: str | None, parameters: Mapping[str, object]) -> Iterator[str]:
+    """Lines and answers of a question or a command that are no forms."""
+    known = {"value", "count", "channel", "mark", *parameters}
+    try:
+        for name in Form(line or "").fields:
+            if name not in known:
+                yield f"{place}: {{{name}}} is no parameter; parameters are {', '.join(parameters) or 'none'}"
+        if place == "source.set" and line is not None and isinstance(one, Tell) and "value" not in Form(line).fields:
+            return  # a command of the sequence
+        for form in one.forms if isinstance(one, Ask) else one.answer:
+            Form(form)
+    except ValueError as error:
+        yield f"{place}: {error}"
+
+
+def said(error: Any) -> str:
+    """An error of a table's check."""
+    place = ".".join(map(str, error["loc"]))
+    text = str(error["msg"]).removeprefix("Value error, ")
+    if error["type"] == "extra_forbidden":
+        text = "is no key here"
+    return f"{place}: {text}" if place else text
