@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from rig.contracts.declared.exchanges import MEANINGS, Ask, Tell
@@ -28,6 +28,18 @@ def unknown_words(place: str, given: Mapping[str, str]) -> Iterator[str]:
     for word, meaning in given.items():
         if meaning.partition(":")[0] not in MEANINGS:
             yield f"{place}: {word} is {meaning!r}; known: {', '.join(MEANINGS)}, or `error: TEXT`"
+
+
+def unknown_fields(skip: Iterable[str]) -> Iterator[str]:
+    """Forms of lines that are passed over which are none, or name a field."""
+    for text in skip:
+        try:
+            if not Form(text).literal:
+                yield f"wire.skip: {text!r} would pass over every line"
+            elif Form(text).fields:
+                yield f"wire.skip: {text!r} names a field; write {{}} for any text"
+        except ValueError as error:
+            yield f"wire.skip: {error}"
 
 
 def wrong_forms(place: str, one: Ask | Tell, line: str | None, parameters: Mapping[str, object]) -> Iterator[str]:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, JsonValue, ValidationError, model_validator
 
 from rig.contracts.declared.bridges import PATTERN, bridged, completed
-from rig.contracts.declared.defects import WHERE, said, unknown_words, wrong_forms
+from rig.contracts.declared.defects import WHERE, said, unknown_fields, unknown_words, wrong_forms
 from rig.contracts.declared.exchanges import Ask, Check, Strict, Tell, Tells, Texts
 from rig.contracts.declared.forms import Form
 
@@ -47,6 +47,7 @@ class Wire(Strict):
     word_order: Literal["big", "little"] = Field("big", description="which word of two is first: the high one is big")
     first_register: int = Field(0, ge=0, le=1, description="number that the manual gives to register 0 of the protocol")
     period_s: float = Field(1.0, gt=0, le=3600, description="stream: time from one line to the next")
+    skip: Texts = Field((), description="stream: forms of its other lines, which are passed over, such as `# {}`")
 
 
 class Identity(Ask):
@@ -341,6 +342,7 @@ class Instrument(Strict):
             if isinstance(one, Ask):
                 yield from unknown_words(f"{place}.words", one.words)
         yield from unknown_words("words", self.words)
+        yield from unknown_fields(self.wire.skip)
         for place, form in (("request", self.wire.request), ("reply", self.wire.reply)):
             if "{line}" not in form:
                 yield f"wire.{place} = {form!r} lacks {{line}}"

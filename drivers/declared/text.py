@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Tell
@@ -70,6 +70,7 @@ class TextTalk(Talk):
         self._compiled: dict[int, _Compiled] = {}
         self._refusals = [self._form(text) for text in table.errors.replies]
         self._errors = [self._form(text) for text in table.errors.answer]
+        self._skipped = [self._form(text) for text in wire.skip]
         self._begun = False
 
     def _opened(
@@ -169,7 +170,7 @@ class TextTalk(Talk):
         compiled = self._of(ask)
         line = compiled.fixed if compiled.fixed is not None else compiled.request.write(holes)
         if ask.ask is None:
-            return self.read(ask, self._heard(), holes)
+            return self.read(ask, self._heard(compiled.answers), holes)
         try:
             raw = self._query(line, ask.lines, timeout_s or ask.timeout_s, repeat=repeat)
         except NoReply:
@@ -180,11 +181,20 @@ class TextTalk(Talk):
             raise
         return self.read(ask, raw, holes)
 
-    def _heard(self) -> str:
-        """The first line that begins from now on, of an instrument that talks by itself."""
+    def _heard(self, wanted: Sequence[Form]) -> str:
+        """The first line that begins from now on and is not to be skipped, of an instrument that talks by itself."""
         self._begin()
-        raw = self.line.heard(self.table.wire.timeout_s + _PERIODS * self.table.wire.period_s)
-        return self._unframed("its lines", raw)
+        wire = self.table.wire
+        limit = wire.timeout_s + _PERIODS * wire.period_s
+        end = self.clock.now() + limit
+        line = self._unframed("its lines", self.line.heard(limit))
+        while _of_one(wanted, line) is None and _of_one(self._skipped, line, f"{line} ") is not None:
+            try:
+                line = self._unframed("its lines", self.line.heard(max(end - self.clock.now(), 0.0)))
+            except NoReply:
+                said = f"{self.where} sends only lines that its file skips for {limit:g} s, last {line!r}"
+                raise NoReply(said) from None
+        return line
 
     def read(self, ask: Ask, raw: str, holes: Holes = NOTHING) -> Answer:
         """The meaning of an answer. Raises `BadReply`, `InstrumentError`."""
@@ -322,6 +332,11 @@ class TextTalk(Talk):
     def close(self) -> None:
         """Release the wire; idempotent."""
         self.line.close()
+
+
+def _of_one(forms: Sequence[Form], *lines: str) -> Form | None:
+    """The first form that one of some lines has."""
+    return next((form for form in forms if any(form.read(line) is not None for line in lines)), None)
 
 
 def _framed(wire: Wire, request: Form, line: str) -> str:

@@ -83,6 +83,8 @@ class LinesTwin(Behaviour):
 
     def _say(self, session: int) -> None:
         if session == self._session and self._host is not None:
+            for text in self.table.wire.skip:
+                self._send(self._form(text).write({}), self._host, session)
             place, ask = next((place, ask) for place, ask in self.table.asks() if place.startswith("reader."))
             self._send(self._printed(ask, self.answers(place, ask, {}), {}), self._host, session)
             self._talk_on()

@@ -9,7 +9,7 @@ from declared_bench import DeclaredBench
 
 from rig.contracts.declared.forms import Form
 from rig.contracts.declared.instrument import parse
-from rig.drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
+from rig.drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
 from rig.drivers.roles import OVERLOAD, Reader, Restartable, SelfChecking, Source, WithUnits
 
 BATH = r"""
@@ -634,3 +634,36 @@ class TestStreams:
         it.twin._session += 1
         with pytest.raises(Exception, match="answered nothing to 'nothing, since it talks by itself'"):
             it.it.identify()
+
+    LOGGER = PROBE.replace("period_s = 2", 'period_s = 2\nskip = ["# {}", "P= {} hPa"]')
+
+    def test_lines_of_other_forms_are_passed_over(self, bench):
+        it = bench(self.LOGGER)
+        it.it.identify()
+        it.it.start(2)
+        found = it.it.fetch()
+        assert {name: len(values) for name, values in found.items()} == {"humidity": 2, "air": 2}
+        assert b"# \r\n" in b"".join(data for _, data in it.wire)
+
+    def test_a_line_of_no_form_is_refused(self, bench):
+        it = bench(self.LOGGER)
+        it.it.identify()
+        before = it.twin._framed
+        it.twin._framed = lambda line: before(line.replace("P= ", "Q= "))
+        it.it.start(1)
+        with pytest.raises(BadReply, match="expected an answer as in"):
+            it.it.fetch()
+
+    def test_an_instrument_that_sends_only_other_lines_is_told(self, bench):
+        it = bench(self.LOGGER)
+        it.it.identify()
+        it.twin._framed = lambda line: "# nothing"
+        it.sleep(3.0)
+        it.it.start(1)
+        with pytest.raises(NoReply, match="only lines that its file skips"):
+            it.it.fetch()
+
+    @pytest.mark.parametrize(("skip", "said"), [("{}", "would pass over every line"), ("RH={rh}", "names a field")])
+    def test_skipping_must_not_swallow_readings(self, skip, said):
+        with pytest.raises(ValueError, match=said):
+            parse(PROBE.replace("period_s = 2", f'skip = "{skip}"'))
