@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, JsonValue, ValidationError, model_validator
@@ -14,6 +14,7 @@ from rig.contracts.declared.bridges import PATTERN, bridged, completed
 from rig.contracts.declared.defects import WHERE, said, unknown_fields, unknown_words, wrong_forms
 from rig.contracts.declared.exchanges import Ask, Check, Strict, Tell, Tells, Texts
 from rig.contracts.declared.forms import Form
+from rig.contracts.declared.hooks import Function, hooks
 
 Frame = Literal["7E1", "7E2", "7O1", "7O2", "8N1", "8N2", "8E1", "8O1"]
 Unit = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9]*(_per_[A-Za-z][A-Za-z0-9]*)?$")]
@@ -186,6 +187,8 @@ class Instrument(Strict):
         description="driver of another library that reaches it: questions are attributes of it, commands set them",
     )
     arguments: dict[str, JsonValue] = Field({}, description="of a bridge: what its class takes besides")
+    hook: str = Field("", description="Python file beside this one with parse, settled or say, for what no key says")
+    hook_sha256: str = Field("", description="of the hook; written when the file is read")
     maker: str = Field("", description="maker, as it spells itself")
     model: Texts = Field((), description="model; of a family all models that answer alike")
     about: str = Field("", description="what it is, for the list")
@@ -221,6 +224,11 @@ class Instrument(Strict):
             return given
         prepared = {"tell": ["*PSC 1", "*ESE 52"], "check": {"ask": "*ESE?", "is": 52}}
         return {"identity": {"ask": "*IDN?"}, "errors": {"ask": "SYST:ERR?"}, "mark": prepared, **given}
+
+    @property
+    def hooks(self) -> Mapping[str, Function]:
+        """Functions of its hook, {} without one; this runs its code. Raises `ValueError`."""
+        return hooks(self.hook, self.hook_sha256) if self.hook else {}
 
     @property
     def any_model(self) -> bool:
@@ -327,6 +335,8 @@ class Instrument(Strict):
                 yield f"source has no safe state: {WHERE['safe']}"
 
     def _wrong(self) -> Iterator[str]:
+        if self.hook and (self.modbus or self.bridge):
+            yield "hook is for lines of text, which neither registers nor a bridge have"
         if self.source is not None:
             yield from _of_source(self.source)
         key, other = ("register", "a line of text") if self.modbus else ("line of text", "a register")

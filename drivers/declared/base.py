@@ -13,7 +13,7 @@ from rig.contracts.declared.instrument import STAND_IN, Instrument
 from rig.drivers.clock import Clock
 from rig.drivers.declared.talk import Talk
 from rig.drivers.driver import ContractFile, Medium
-from rig.drivers.errors import BadReply, DriverError, WrongInstrument
+from rig.drivers.errors import BadReply, DriverError, Unreachable, WrongInstrument
 from rig.drivers.roles import Identity
 from rig.drivers.wires import Wires
 
@@ -46,6 +46,10 @@ class Declared:
         self.name = name
         self._clock = clock
         self._options = options
+        try:
+            self._hooks = self.table.hooks
+        except ValueError as error:
+            raise Unreachable(f"{name}: {error}") from None
         self._talk = self._opened(address, wires)
         self._where = self._talk.where
         self._prepared = False

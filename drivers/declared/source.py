@@ -14,6 +14,7 @@ from rig.drivers.declared.base import Declared
 from rig.drivers.errors import BadReply, DriverError, LimitError, NotReady
 from rig.drivers.roles import SourceState
 
+_MOST_READINGS = 10_000  # that a hook is given; chosen
 _ON, _OFF = {"1", "ON"}, {"0", "OFF"}
 
 
@@ -26,6 +27,7 @@ class DeclaredSource(Declared):
         self._source: Source = self.table.source.model_copy(update=self._own())
         self._near_since: float | None = None  # begin of the time within tolerance
         self._set_at = self._clock.now()
+        self._readings: list[tuple[float, float]] = []  # since it was set, for the hook
         self._told: float | None = None  # the last setpoint, for one that cannot be asked
 
     def _own(self) -> dict[str, Any]:
@@ -118,6 +120,8 @@ class DeclaredSource(Declared):
     def _settled(self, setpoint: float, value: float) -> bool:
         """Whether it has arrived: by its own word, by its reading, or by the time since it was set."""
         source, now = self._source, self._clock.now()
+        if "settled" in self._hooks:
+            return self._by_hook(setpoint, value)
         if source.settled is not None:
             found = self._talk.ask(source.settled)
             return found.meaning in ("stable", "on") or (not found.meaning and found.printed in _ON)
@@ -129,6 +133,22 @@ class DeclaredSource(Declared):
         if self._near_since is None:
             self._near_since = now
         return now - self._near_since >= source.dwell_s
+
+    def _by_hook(self, setpoint: float, value: float) -> bool:
+        """Whether the hook says that it has arrived. Raises `BadReply` if it says nothing."""
+        seconds = self._clock.now() - self._set_at
+        if self._readings and self._readings[-1][0] > seconds:  # it has been set since
+            self._readings.clear()
+        self._readings = [*self._readings[-_MOST_READINGS:], (seconds, value)]
+        try:
+            found = self._hooks["settled"](setpoint, list(self._readings))
+        except Exception as error:  # whatever somebody's code raises
+            raise BadReply(
+                f"{self._where}: settled in {self.table.hook} fails ({type(error).__name__}: {error}) at {value:g}"
+            ) from None
+        if not isinstance(found, bool):
+            raise BadReply(f"{self._where}: settled in {self.table.hook} gives {found!r}, neither True nor False")
+        return found
 
     def stop(self) -> None:
         """Hold the present value: it becomes the setpoint."""

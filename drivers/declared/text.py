@@ -60,7 +60,7 @@ class TextTalk(Talk):
         wires: Wires,
         clock: Clock,
     ) -> None:
-        wire, self._parameters = table.wire, parameters
+        wire, self._parameters, self._hooks = table.wire, parameters, table.hooks
         self._shared = bool(wire.preamble) or any(hole in wire.request for hole in parameters)
         self.line: Line = self._opened(table, name, address, settings, wires)
         super().__init__(table, clock, self.line.where)
@@ -198,13 +198,28 @@ class TextTalk(Talk):
 
     def read(self, ask: Ask, raw: str, holes: Holes = NOTHING) -> Answer:
         """The meaning of an answer. Raises `BadReply`, `InstrumentError`."""
-        compiled = self._of(ask)
+        compiled, raw = self._of(ask), self._parsed(ask, raw)
         for form in compiled.answers:
             fields = form.read(raw)
             if fields is not None:
                 return self._meaning(ask, form, fields, raw, holes)
         self._refused(ask.said, raw)
         raise self.bad(ask, raw, " or ".join(f"an answer as in {text!r}" for text in self._forms(ask)))
+
+    def _parsed(self, ask: Ask, raw: str) -> str:
+        """An answer as the hook of the file gives it. Raises `BadReply` if the hook does not."""
+        parse = self._hooks.get("parse")
+        if parse is None:
+            return raw
+        try:
+            found = parse(ask.ask or "", raw)
+        except Exception as error:  # whatever somebody's code raises
+            raise self.bad(
+                ask, raw, f"what parse in {self.table.hook} reads ({type(error).__name__}: {error})"
+            ) from None
+        if not isinstance(found, str):
+            raise self.bad(ask, raw, f"a text from parse in {self.table.hook}, not {found!r}")
+        return found
 
     def _refused(self, said: str, raw: str) -> None:
         """Raise `InstrumentError` if an answer means one."""

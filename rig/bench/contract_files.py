@@ -16,6 +16,7 @@ from typing import Any
 
 from rig.bench.config import BenchConfig, parse_bench, read_text
 from rig.bench.plugins import driver_class, drivers, is_file
+from rig.contracts.declared.hooks import placed
 from rig.errors import ConfigurationError
 
 
@@ -57,10 +58,20 @@ def bench_of_run(documents: Mapping[str, str], where: str) -> BenchConfig:
 
 def files_beside(config: BenchConfig, bench: Path) -> dict[str, str]:
     """The texts of the contract files named by a bench, by name. Raises `ConfigurationError` for a missing file."""
-    return {
-        name: read_text(bench.parent / name, f"{option} (instruments.{instrument})")
-        for instrument, option, name in _named(config)
-    }
+    found = {}
+    for instrument, option, name in _named(config):
+        path = bench.parent / name
+        text = read_text(path, f"{option} (instruments.{instrument})")
+        found[name] = with_hook(text, path) if option == "driver" else text
+    return found
+
+
+def with_hook(text: str, path: Path) -> str:
+    """The text of an instrument's file, with its hook by place and SHA-256. Raises `ConfigurationError`."""
+    try:
+        return placed(text, path.parent)
+    except OSError as error:
+        raise ConfigurationError(f"{path}: its hook {error.filename} cannot be read: {error.strerror}") from None
 
 
 def with_files(config: BenchConfig, texts: Mapping[str, str], where: str) -> BenchConfig:

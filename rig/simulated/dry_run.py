@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rig.bench.contract_files import with_contracts
 from rig.bench.plugins import driver_class, installed, load, text_of
+from rig.contracts.declared.instrument import parse
 from rig.drivers.wires import Wires
 from rig.drivers.wires.addresses import messages, simulated
 from rig.engine.holes import WatchedClock
@@ -51,7 +52,9 @@ def twin_classes(config: BenchConfig) -> dict[str, MakesTwins]:
     for name, instrument in config.instruments.items():
         try:
             found[instrument.driver] = twin_class(instrument.driver)
-        except ConfigurationError as error:
+            if text := text_of(instrument.driver):
+                _ = parse(text).hooks  # before the twin runs it
+        except (ConfigurationError, ValueError) as error:
             raise ConfigurationError(f"instruments.{name}: {error}") from None
     return found
 

@@ -29,7 +29,7 @@ class LinesTwin(Behaviour):
     """The twin; see `rig.sims.twin.SerialTwin`."""
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str) -> None:
-        wire = self.table.wire
+        wire, self._hooks = self.table.wire, self.table.hooks
         self.baud = int(str(options.get("baud", wire.baud)))
         self.frame = str(options.get("frame", wire.frame))
         self._parameters: dict[str, str | int] = {
@@ -229,7 +229,8 @@ class LinesTwin(Behaviour):
         for form in forms:
             fields = {name: self._field(ask, field, said, words, holes) for name, field in form.fields.items()}
             if all(one is not None for one in fields.values()):
-                return form.write({name: one for name, one in fields.items() if one is not None})
+                answer = form.write({name: one for name, one in fields.items() if one is not None})
+                return str(self._hooks["say"](ask.ask or "", answer)) if "say" in self._hooks else answer
         raise Refused
 
     def _field(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import cast
 
 from rig.bench.config import read_text
+from rig.bench.contract_files import with_hook
 from rig.bench.plugins import declared, driver_class, installed, is_file, text_of
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.instrument import Instrument, parse
@@ -54,7 +55,7 @@ def text_named(name: str) -> tuple[str, str]:
         ConfigurationError: the file cannot be read, or is wrong.
         UsageError: no declared instrument has this name.
     """
-    text = f"{read_text(Path(name), 'instrument')}\n" if is_file(name) else text_of(name)
+    text = f"{with_hook(read_text(Path(name), 'instrument'), Path(name))}\n" if is_file(name) else text_of(name)
     if not text:
         raise UsageError(f"{name} is no file and no declared instrument; these are: {', '.join(declared())}")
     try:
