@@ -21,7 +21,7 @@ from rig.drivers.wires.line import Line
 from rig.drivers.wires.serial_options import Flow
 from rig.drivers.wires.visa_address import VisaAddress
 
-_WITH_UNIT = ("{value}", "{value} {unit}")
+_WITH_UNIT, _OF_ANY_UNIT = ("{value}", "{value} {unit}"), ("{value}", "{value} {}")
 
 
 class BridgedTalk(TextTalk):
@@ -62,8 +62,9 @@ class BridgedTalk(TextTalk):
 
     def _forms(self, one: Ask) -> tuple[str, ...]:
         """Forms of an answer: a library may say the unit of a number."""
-        own = one.answer or one.words or isinstance(one, Check) or one.bit is not None
-        return one.forms if own or one is self.table.identity else _WITH_UNIT
+        if one.answer or one.words or one is self.table.identity or isinstance(getattr(one, "is_", None), str):
+            return one.forms
+        return _OF_ANY_UNIT if isinstance(one, Check) or one.bit is not None else _WITH_UNIT
 
 
 def _readings(table: Instrument) -> list[str]:

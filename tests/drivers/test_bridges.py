@@ -225,6 +225,32 @@ def test_a_setting_that_a_library_rounds_is_noticed(stub):
         source.close()
 
 
+class Quantity:
+    """A value with a unit, as a library gives it."""
+
+    def __init__(self, unit: str) -> None:
+        self._unit = unit
+
+    def read(self, path: str, timeout_s: float) -> Value:
+        return Value("1.5", self._unit)
+
+    measures_when_asked = True
+
+
+@pytest.mark.parametrize(("unit", "right"), [("V", True), ("", True), ("A", False), ("mV", False)])
+def test_a_unit_that_a_library_says_has_to_be_the_declared_one(stub, unit, right):
+    text = 'bridge = "pymeasure:acme.Source"\ncheck = [{ ask = "level", is = 1.5 }]\n'
+    reader = driver(text + 'reader = { unit = "V", reading = "level" }')
+    reader._talk.line._bridge = Quantity(unit)
+    assert reader.wrong() == ()  # a setting may have any unit
+    reader.start(1)
+    if right:
+        assert reader.fetch() == {"input": [1.5]}
+    else:
+        with pytest.raises(BadReply, match="a number in V"):
+            reader.fetch()
+
+
 @pytest.mark.parametrize(
     ("reading", "said"), [("nan", "'nan'"), ("text", "'OVLD'"), ("nothing", "'None'"), ("flags", "'1,0'")]
 )

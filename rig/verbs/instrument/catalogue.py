@@ -88,7 +88,9 @@ def _page(name: str, table: Instrument) -> Iterator[str]:
     yield f"Tried: {tried or 'no'}{'' if 'on hardware' in table.tried else '; never on hardware'}.\n"
     yield from (f"Not confirmed: {one}.\n" for one in table.unconfirmed)
     wire = table.wire
-    if table.modbus:
+    if table.bridge:
+        yield f"Reached by {table.bridge}: questions are its attributes, commands set them.\n"
+    elif table.modbus:
         yield f"Modbus; {wire.type} unless said otherwise, {wire.word_order} word first.\n"
     else:
         ends = f"lines end with {wire.send_end!r}, answers with {wire.reply_end or wire.send_end!r}"

@@ -190,7 +190,8 @@ class _opened:  # noqa: N801 - used as a context
         from rig.simulated.dry_run import DryBench  # noqa: PLC0415 - a real one never loads the simulation
 
         dry = DryBench(config, {}, tap=self._tapped)
-        bench = open_bench(dry.config, checked, dry.clock, dry.wires)
+        # a bridge has a stand-in here, whose options are others
+        bench = open_bench(dry.config, check_options(dry.config, NAME), dry.clock, dry.wires)
         self._driver, self._close = bench.instruments[NAME], dry.close
         return self._driver, dry.clock
 
