@@ -46,11 +46,12 @@ class Declared:
         self.name = name
         self._clock = clock
         self._options = options
-        try:
-            self._hooks = self.table.hooks
-        except ValueError as error:
-            raise Unreachable(f"{name}: {error}") from None
         self._talk = self._opened(address, wires)
+        try:
+            self._hooks = self._talk.hooks = self.table.hooks
+        except ValueError as error:
+            self._talk.close()
+            raise Unreachable(f"{name}: {error}") from None
         self._where = self._talk.where
         self._prepared = False
         self._begin()

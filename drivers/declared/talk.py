@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Tell
+from rig.contracts.declared.hooks import Function
 from rig.contracts.declared.instrument import Instrument
 from rig.drivers.clock import Clock
 from rig.drivers.errors import BadReply, InstrumentError
@@ -46,6 +47,7 @@ class Talk(ABC):
 
     def __init__(self, table: Instrument, clock: Clock, where: str) -> None:
         self.table, self.clock, self.where = table, clock, where
+        self.hooks: Mapping[str, Function] = {}
 
     @abstractmethod
     def once(self, ask: Ask, holes: Holes = NOTHING, timeout_s: float | None = None, *, repeat: bool = True) -> Answer:

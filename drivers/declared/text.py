@@ -60,7 +60,7 @@ class TextTalk(Talk):
         wires: Wires,
         clock: Clock,
     ) -> None:
-        wire, self._parameters, self._hooks = table.wire, parameters, table.hooks
+        wire, self._parameters = table.wire, parameters
         self._shared = bool(wire.preamble) or any(hole in wire.request for hole in parameters)
         self.line: Line = self._opened(table, name, address, settings, wires)
         super().__init__(table, clock, self.line.where)
@@ -208,7 +208,7 @@ class TextTalk(Talk):
 
     def _parsed(self, ask: Ask, raw: str) -> str:
         """An answer as the hook of the file gives it. Raises `BadReply` if the hook does not."""
-        parse = self._hooks.get("parse")
+        parse = self.hooks.get("parse")
         if parse is None:
             return raw
         try:
