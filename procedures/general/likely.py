@@ -69,14 +69,9 @@ def likely(source: Source, table: Table) -> UnknownTable:
     free = [name for name in table.columns if name not in roles]
     times = tuple(name for name, role in roles.items() if role == "time")
     groups = [name for name, role in roles.items() if role in ("group", "direction") and "" not in _values(table, name)]
+    numbered = [name for name, role in roles.items() if role in ("order", "row number") and not groups]
     if len(free) == 1:  # a quantity over time
-        free = [
-            *(
-                [one for one in times if one in table.columns]
-                or [name for name, role in roles.items() if role in ("order", "row number") and not groups]
-            ),
-            *free,
-        ]
+        free = [*([one for one in times if one in table.columns] or numbered), *free]
         roles = {name: role for name, role in roles.items() if name not in free}
     tried = ""
     for response, terms in _pairs(table, free, groups, times):
@@ -107,7 +102,7 @@ def likely(source: Source, table: Table) -> UnknownTable:
         found |= dict.fromkeys(same, THE_SAME)
         notes += [f"{name} is {one} again, in another unit or copied" for name, one in same.items()]
         notes += [f"{name} is a weight made of {one}" for name, one in weighed.items()]
-        notes += _doubts(table, response, numbers, times)
+        notes += _doubts(table, response, numbers, (*times, *numbered))
         beside = [name for name in (*sensors, *outputs, *same) if name != response and "," not in name]
         if beside:  # what they have in common with it is the setting's error
             trace["ignore"] = ",".join(beside)

@@ -77,6 +77,11 @@ def test_time_is_no_response(tmp_path):
     assert "recorded over time and nothing else varies" in found["notes"][0]
 
 
+def test_a_number_of_rows_is_no_quantity_that_was_set(tmp_path):
+    found, _ = told(tmp_path, table(Index=np.arange(1, 31), Reading=2.0 + np.sin(np.arange(30) ** 2.0).round(4)))
+    assert "recorded over time and nothing else varies" in found["notes"][0]
+
+
 def test_the_same_quantity_in_two_units_and_a_flag(tmp_path):
     mass = np.arange(0, 4100, 100)
     adc = (mass * 0.25 + np.tile([1, -1, 0, 0], 11)[:41]).round()
