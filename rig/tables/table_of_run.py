@@ -29,7 +29,7 @@ from rig.run_file.events.bench import Warned
 from rig.run_file.events.by_hand import DoneByHand, SetByHand
 from rig.run_file.events.corrections import Corrected
 from rig.run_file.events.points import DOUBTED, Observed, Skipped, WholePlotLost
-from rig.run_file.events.sessions import Ended, Identified, SessionBegan
+from rig.run_file.events.sessions import Ended
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.corrected import Corrections
 from rig.run_file.state.documents import Stored, declared_model, kind_of_run, mounting_of
@@ -37,6 +37,7 @@ from rig.run_file.state.state import read_state
 from rig.run_file.verify.verification import LOOP
 from rig.tables.behind_rows import evidence_of, fill_flags, moving_inside, within_points
 from rig.tables.own_times import keep_those_that_differ, own_times, typed_in
+from rig.tables.provenance import instruments_of, operators_of, standards_of
 from rig.tables.set_in import put_in_place, setters_of
 
 _MOUNTING = ("mounting_x_deg", "mounting_y_deg", "mounting_z_deg")
@@ -96,7 +97,7 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
             row |= {"simulated": 1.0} if run.simulated else {}
             rows.append(row)
             used += [(seen, _steps(record, seen, run_list))] if accepted else []
-        instruments, operators = ({}, []) if salvage else (_instruments(reader, documents), _operators(reader))
+        instruments, operators = ({}, []) if salvage else (instruments_of(reader, documents), operators_of(reader))
         last = began if salvage else max((r.utc_s for r in reader.records(Observed.kind)), default=began)
         head, ended = reader.head()[1], not salvage and any(True for _ in reader.records(Ended.kind))
         skipped = [] if salvage else _skipped(reader, run_list)
@@ -117,7 +118,9 @@ def run_table(path: Path, *, everything: bool = False, salvage: bool = False, ev
         "last_observation_utc": _utc(last),
         "instruments": instruments,
         **(
-            {"reference standards": standards} if (standards := _standards(bench, {} if salvage else documents)) else {}
+            {"reference standards": standards}
+            if (standards := standards_of(bench, {} if salvage else documents))
+            else {}
         ),
         "complete": ended,
         "points_planned": len(run_list),
@@ -235,52 +238,6 @@ def _fill_stated(rows: Sequence[dict[str, float]], made: Sequence[Made], bench: 
         for row in rows:
             known = [number for since, value, number in said if value == name and since <= row["elapsed_s"]]
             row.setdefault(name, known[-1])
-
-
-def _operators(reader: RunReader) -> list[str]:
-    """Operators of the sessions, each once, if known."""
-    began = (record.event for record in reader.records(SessionBegan.kind))
-    return list(dict.fromkeys(event.by for event in began if isinstance(event, SessionBegan) and event.by))
-
-
-def _calibration(documents: Mapping[str, str], asset: str, due: Any) -> str:
-    """The calibration of an instrument in words: its certificate by the run's register, and the due date.
-
-    The bench may state a date, too; without one it is that of the register.
-    """
-    certificate = Stored.of(documents, "equipment.toml").table("equipment").table(asset).table("certificate")
-    number = certificate.text("number")
-    due = due or certificate.everything().get("due", "not declared")
-    return f"{f'certificate {number}, ' if number else ''}calibration due {due}"
-
-
-def _instruments(reader: RunReader, documents: Mapping[str, str]) -> dict[str, str]:
-    """Identities of the instruments, and due dates of their own calibrations, by name."""
-    found: dict[str, str] = {}
-    for event in (record.event for record in reader.records(Identified.kind)):
-        assert isinstance(event, Identified)
-        name = event.instrument
-        text = f"{event.words}, {_calibration(documents, event.asset or '', event.due)}"
-        found[name] = f"{found[name]}; then {text}" if name in found else text
-    return found
-
-
-def _standards(bench: Stored, documents: Mapping[str, str]) -> str:
-    """Reference standards as declared: asset, certificate, due date, formula; "" without any.
-
-    A standard without an asset of its own is the instrument that reads it.
-    """
-    told = []
-    for factor, table in bench.table("references").tables():
-        asset = table.text("asset") or bench.table("instruments").table(table.text("reader")).text("asset")
-        parts = [
-            f"asset {asset or 'not declared'}",
-            _calibration(documents, asset, table.everything().get("due")),
-            f"read by {table.text('reader')}",
-            *([f"{factor} = {formula}"] if (formula := table.text("formula")) else []),
-        ]
-        told.append(f"{factor}: {', '.join(parts)}")
-    return "; ".join(told)
 
 
 def _doubted(records: Iterable[Record]) -> dict[int | None, float]:

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 from rig.run_file.events.sessions import Identified
 from rig.run_file.state.documents import Stored
-from rig.tables.table_of_run import _instruments, _standards
+from rig.tables.provenance import instruments_of, standards_of
 from rig.verbs.chart.inputs import _changes
 
 BENCH = """
@@ -30,7 +30,7 @@ description = "voltage source of the valve"
 
 
 def standards(bench=BENCH, register=REGISTER):
-    return _standards(Stored.of({"bench.toml": bench}, "bench.toml"), {"equipment.toml": register})
+    return standards_of(Stored.of({"bench.toml": bench}, "bench.toml"), {"equipment.toml": register})
 
 
 def test_a_reference_standard_has_the_asset_of_its_reader_and_the_certificate_of_the_register():
@@ -44,7 +44,7 @@ def test_a_reference_standard_has_the_asset_of_its_reader_and_the_certificate_of
 def test_an_instrument_has_the_certificate_of_the_register_and_a_new_one_is_no_other_instrument():
     event = Identified(instrument="coriolis", maker="EMERSON", model="CMF025", serial="SN1", asset="REF-01")
     reader = SimpleNamespace(records=lambda kind: [SimpleNamespace(event=event)])
-    told = _instruments(reader, {"equipment.toml": REGISTER})
+    told = instruments_of(reader, {"equipment.toml": REGISTER})
     assert told == {"coriolis": f"{event.words}, certificate Q-4711, calibration due 2027-05-01"}
     before = {"coriolis": f"{event.words}, calibration due 2026-05-01"}
     assert _changes({"instruments": before}, {"instruments": told}) == []
