@@ -190,7 +190,9 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         extra = _grouping(columns[roles.replicate], declared=True).indicators[:, 1:]
         names = (*names, *(f"C({roles.replicate})[{i + 1}]" for i in range(extra.shape[1])))
         hi, lo = np.hstack([hi, extra]), np.hstack([lo, np.zeros_like(extra)])
-    constant = spanned(np.ones(len(hi)), orthonormal(hi))
+    basis = orthonormal(hi)
+    curved = frozenset(name for name, v in scene.settings.items() if not spanned(v, basis))
+    scene = replace(scene, constant=spanned(np.ones(len(hi)), basis), curved=curved)
     data = TableData(
         response=roles.label,
         y=np.asarray(y, np.float64),
@@ -198,7 +200,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         names=names,
         columns=hi,
         tails=lo,
-        scene=replace(scene, constant=constant),
+        scene=scene,
         shared=identities(columns, shared) if shared else None,
         points=_points(formula, columns, roles.group),
         order_unknown=along,

@@ -210,10 +210,12 @@ def _part(asked: RunModels, trace: TableTrace, candidates: Sequence[int], coeffi
     if effect.kind.terms is lag:  # at rest a lag is its setting, which the model needs
         name = effect.columns[0]
         v = trace.variables[name]
-        # what is remembered fades by itself; the lag is at rest where it is its setting
-        columns = columns - np.where([of_start(label) for label in labels], 0.0, (v - middle(v))[:, None])
-        at_rest = usable_term(less(name, middle(v)), known)
-        terms = (f"I({at_rest})",) if at_rest and not spanned(v, orthonormal(judge.problem.declared)) else ()
+        curved = not spanned(v, orthonormal(judge.problem.declared))
+        if not (curved and effect.kind.of == "setting by the clock"):  # that one is what it is away from its rest
+            # what is remembered fades by itself; the lag is at rest where it is its setting
+            columns = columns - np.where([of_start(label) for label in labels], 0.0, (v - middle(v))[:, None])
+            at_rest = usable_term(less(name, middle(v)), known)
+            terms = (f"I({at_rest})",) if at_rest and curved else ()
         holds = f"at rest, when {name} has long been what it is"
     elif effect.kind.terms is previous:
         holds = f"for a {effect.columns[0]} that was the same before"

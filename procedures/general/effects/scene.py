@@ -134,6 +134,7 @@ class TableScene:
         moves: how each variable came to its setting, in seconds, where that is known.
         constant: whether the declared model has a constant, in whatever columns.
         functions: settings that are functions of columns in the declared model; these columns are settings, too.
+        curved: settings that the declared model has in curves only: no sum of its terms is a straight line over them.
     """
 
     settings: Mapping[str, FloatArray]
@@ -149,6 +150,7 @@ class TableScene:
     moves: Mapping[str, Stood] = field(default_factory=dict)
     constant: bool = True
     functions: frozenset[str] = frozenset()
+    curved: frozenset[str] = frozenset()
 
     @property
     def variables(self) -> dict[str, FloatArray]:

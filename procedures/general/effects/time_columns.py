@@ -131,7 +131,11 @@ def _times(scene: TableScene, terms: Terms, variable: str) -> Terms:
 
 
 def lag(scene: TableScene, name: str) -> Terms:
-    """The variable through a first-order lag, for time constants from half a reading to a third of the time."""
+    """The variable through a first-order lag, for time constants from half a reading to a third of the time.
+
+    Of a setting that the declared model has in curves only, what it is away from its rest: a straight line at rest
+    would be another effect.
+    """
     v, time = scene.of(name), scene.time
     if time is None or len(v) < 20 or np.ptp(v) == 0.0:
         return ()
@@ -145,12 +149,12 @@ def lag(scene: TableScene, name: str) -> Terms:
     stood, at_rest = scene.stood(name), middle(v)
     unread = stood is not None and stood.start is not None and bool(np.isnan(stood.start[0]))
 
+    moved, away = less(name, at_rest), name in scene.curved
+
     def at(tau: float) -> TableTerm:
         tau = rounded(tau, tau)
-        labels, columns = (
-            [f"lag({less(name, at_rest)}, {tau:.15g})"],
-            [lagging(v - at_rest, gap, tau, stood and stood.on(at_rest))],
-        )
+        labels = [f"lag({moved}, {tau:.15g}){f' - ({moved})' if away else ''}"]
+        columns = [lagging(v - at_rest, gap, tau, stood and stood.on(at_rest)) - (v - at_rest if away else 0.0)]
         if unread:  # the first row remembers a setting that nobody read
             labels.append(f"{_BEGIN}{less(time.name, rounded(float(t[0]), float(np.ptp(t)), 6))})/{tau:.15g})")
             columns.append(np.exp(-(t - rounded(float(t[0]), float(np.ptp(t)), 6)) / tau))
