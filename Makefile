@@ -23,7 +23,7 @@ test-kernels: $(STAMP)
 
 # The live page in a real Chromium, which has to be installed; says so if it is not. Pictures go to PAGE_PICTURES.
 test-page: $(STAMP)
-	@cd tests/page && ../../.venv/bin/python chromium.py && ../../.venv/bin/pytest -q -p no:cacheprovider live_page.py serve_page.py new_page.py people_page.py
+	@cd tests/page && ../../.venv/bin/python chromium.py && ../../.venv/bin/pytest -q -p no:cacheprovider live_page.py serve_page.py new_page.py people_page.py drift_page.py
 
 # What the tests do a bounded share of, in full: nights, crash points, power cuts, real kills. Hours.
 nights: $(STAMP)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 from types import MappingProxyType
@@ -15,10 +15,11 @@ from rig.fitter.errors import FitError
 from rig.procedures.attitude.fit import AttitudeFit, at_temperature, fit_all
 from rig.procedures.attitude.gross import of_attitude
 from rig.procedures.attitude.infer.traced import Volts, calibrate_traced, covering_parameters
-from rig.procedures.attitude.shown import show_attitude_fit
+from rig.procedures.attitude.shown import show_attitude_fit, show_attitude_fit_in_short
 from rig.procedures.attitude.table import KNOWN, UNIT, attitude_data
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.catalogue import with_own
+from rig.procedures.evaluate.fit_in_short import MANY
 from rig.procedures.evaluate.left_out import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.procedures.evaluate.results import PlainFitted
 from rig.procedures.present.blocks import Block, headline
@@ -236,3 +237,9 @@ class AttitudeFitted(PlainFitted):
         """Blocks for people."""
         yield headline(PurePath(self.table.source).name, self.table)
         yield from show_attitude_fit(self.result)
+
+    def short(self) -> Iterable[Block]:
+        """Blocks for one screen; up to three sensors have all."""
+        if len(self.result["sensors"]) <= MANY:
+            return self.blocks()
+        return (headline(PurePath(self.table.source).name, self.table), *show_attitude_fit_in_short(self.result))

@@ -11,6 +11,7 @@ from rig.fitter.rounding import with_error
 from rig.procedures.attitude.parameters import LABELS, NO_DIRECTION, shown
 from rig.procedures.attitude.words import little_help, misfit_in_words
 from rig.procedures.evaluate.before_after import compared
+from rig.procedures.evaluate.fit_in_short import sensors_in_short
 from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, headline
 from rig.procedures.present.effects_shown import show_certificate, show_effect, show_unnamed
 from rig.procedures.present.gross_shown import show_gross, show_left_out
@@ -44,6 +45,19 @@ def show_attitude_fit(result: Mapping[str, Any]) -> Iterator[Block]:
         yield Line("some tests are significant: the model lacks something; see rig trace")
     elif lacking:
         yield Line(f"{', '.join(lacking)}: something is still lacking with the effects that are kept; see rig trace")
+
+
+def show_attitude_fit_in_short(result: Mapping[str, Any]) -> Iterator[Block]:
+    """A row a sensor: its error, and which tests are significant."""
+    yield from show_left_out(result["data"])
+    words = {"T_bias": "lack of fit", "T_b": "offset drift", "T_S": "sensitivity drift", "T_drift": "drift"}
+    cells = {}
+    for name, sensor in result["sensors"].items():
+        found = [what for test, what in words.items() if sensor[test] is not None and significant(sensor, test)]
+        cells[name] = (sensor["model"], degrees(sensor["sigma_E_deg"]), ", ".join(found) or "nothing")
+    yield from sensors_in_short(result["sensors"], ("model", "sigma_E", "significant"), cells)
+    if any(_lacks(result, name) for name in result["sensors"]):
+        yield Line("some tests are significant: the model lacks something; see rig trace")
 
 
 def _lacks(result: Mapping[str, Any], name: str) -> bool:

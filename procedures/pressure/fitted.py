@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
@@ -12,13 +12,14 @@ import numpy as np
 from rig.fitter.errors import FitError
 from rig.fitter.misfit import COVERED_BY_WHOLE_PLOTS
 from rig.procedures.errors import DataError
+from rig.procedures.evaluate.fit_in_short import MANY
 from rig.procedures.evaluate.left_out import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.procedures.present.blocks import Block, headline
 from rig.procedures.pressure.fit import PressureFit, fit_transducers, named_formula, variance_inflation
 from rig.procedures.pressure.fit.methods import METHOD
 from rig.procedures.pressure.fit.models import ONE_TEMPERATURE, coefficient_unit, usual
 from rig.procedures.pressure.gross import of_whole_plots
-from rig.procedures.pressure.shown import show_whole_plot_fit
+from rig.procedures.pressure.shown import show_whole_plot_fit, show_whole_plot_fit_in_short
 from rig.procedures.pressure.table import KNOWN, UNIT, whole_plot_data
 from rig.procedures.pressure.words import HOLD_AT
 from rig.procedures.tables.file_rows import rows_of_file
@@ -130,6 +131,13 @@ class WholePlotFitted:
         """Blocks for people."""
         yield headline(PurePath(self.table.source).name, self.table)
         yield from show_whole_plot_fit(self.to_json())
+
+    def short(self) -> Iterable[Block]:
+        """Blocks for one screen; up to three transducers have all."""
+        told = self.to_json()
+        if len(told["sensors"]) <= MANY:
+            return self.blocks()
+        return (headline(PurePath(self.table.source).name, self.table), *show_whole_plot_fit_in_short(told))
 
     def page(self) -> Page:
         """Its report: the paper's methods side by side."""

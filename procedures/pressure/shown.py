@@ -9,12 +9,13 @@ from rich.markup import escape
 
 from rig.fitter.rounding import with_error
 from rig.procedures.evaluate.before_after import compared
+from rig.procedures.evaluate.fit_in_short import sensors_in_short
 from rig.procedures.present.blocks import Block, Grid, Line, headline
 from rig.procedures.present.effects_shown import show_certificate, show_effect, show_unnamed
 from rig.procedures.present.gross_shown import show_gross, show_left_out
 from rig.procedures.present.numbers import number
 from rig.procedures.present.words import verdict_of
-from rig.procedures.pressure.words import IN_USE, errors_in_words, in_use_words, low_pressure
+from rig.procedures.pressure.words import IN_USE, errors_as_cells, errors_in_words, in_use_words, low_pressure
 
 if TYPE_CHECKING:
     from rig.fitter.trace.outcome import Outcome
@@ -74,6 +75,16 @@ def show_whole_plot_fit(result: Mapping[str, Any]) -> Iterator[Block]:
         yield Line(f"  valid for {', '.join(spans)} (psia, degC)")
         for note in sensor["notes"]:
             yield Line(f"  [yellow]{escape(note)}[/]")
+
+
+def show_whole_plot_fit_in_short(result: Mapping[str, Any]) -> Iterator[Block]:
+    """The methods at the lowest pressure, and a row a transducer."""
+    yield from _show_dead(result)
+    yield Line(escape(result["data"]["model"]["sentence"]))
+    yield from show_left_out(result["data"])
+    yield from show_whole_plot_summary(result)
+    cells = {name: errors_as_cells(sensor) for name, sensor in result["sensors"].items()}
+    yield from sensors_in_short(result["sensors"], ("error of a reading / mV", "of a whole plot / mV"), cells)
 
 
 def _show_dead(result: Mapping[str, Any]) -> Iterator[Block]:

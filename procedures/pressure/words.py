@@ -26,6 +26,14 @@ def errors_in_words(sensor: Mapping[str, Any]) -> str:
     return f"errors: {s_0:.3g} mV + {s_0 * growth:.3g} mV/psi x P within whole plots, {between}"
 
 
+def errors_as_cells(sensor: Mapping[str, Any]) -> tuple[str, str]:
+    """The errors of a reading, with growth with pressure, and of a whole plot, in mV, for a table."""
+    errors = sensor["errors"]
+    s_0, growth = errors["subplot_variance"] ** 0.5, errors["growth_per_psia"]
+    grows = f" + {s_0 * growth:.3g} P/psi" if growth else ""
+    return f"{s_0:.3g}{grows}", f"{errors['wholeplot_variance'] ** 0.5:.3g}"
+
+
 def low_pressure(result: Mapping[str, Any]) -> tuple[int, float]:
     """Index and value of a fit's pressure nearest to the comparison pressure of methods."""
     sensor = next(iter(result["sensors"].values()))

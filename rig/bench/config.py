@@ -20,6 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from rig.bench.approach import Approach
 from rig.bench.bridges import with_bridges
 from rig.bench.protection import InterlockConfig, SafetyConfig
+from rig.bench.toml_defects import in_words
 from rig.errors import ConfigurationError
 from rig.files.explained import explain
 from rig.files.regular import read_regular_text
@@ -292,47 +293,22 @@ class BenchConfig(_Strict):
         return self
 
 
-def parse_toml(text: str, where: str) -> dict[str, Any]:
-    """Plain values from TOML text. Raises `ConfigurationError` with `where`, line and column."""
+def parse_toml(text: str, where: str, *, shown: bool = True) -> dict[str, Any]:
+    """Plain values from TOML text. Raises `ConfigurationError` with `where`, and with the line if it may be `shown`."""
     if _DEEP_KEY.search(text):
         raise ConfigurationError(f"{where} is nested too deeply for a file of rig")
     try:
         values = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{where} is not valid TOML: {error}{_in_words(text, str(error))}") from error
+        raise ConfigurationError(
+            f"{where} is not valid TOML: {error}{in_words(text, str(error), shown=shown)}"
+        ) from error
     except ValueError:  # Python refuses to convert a text of more than 4300 digits to an integer
         raise ConfigurationError(f"{where} has a whole number of thousands of digits; TOML permits 64 bits") from None
     except RecursionError:
         raise ConfigurationError(f"{where} is nested too deeply for a file of rig") from None
     _check_values(values, where)
     return values
-
-
-_HINTS = (
-    (r"[\u201c\u201d\u201e\u2018\u2019]", 'quotes are straight: "text"'),
-    (r"^\s*(;|//|%|!)", "a remark begins with #"),
-    (r"=\s*-?\d+,\d", "the decimal sign is a point"),
-    (r"=\s*\[[^\]]*\d\s+-?\d", "commas separate the values of a list"),
-    (r"=\s*(True|False|TRUE|FALSE|yes|no|on|off|Yes|No)\b", "write true or false"),
-    (r'=\s*"[^"]*\\', "a text with backslashes has single quotes"),
-    (r"^\s*\[+[^\]]*$", "a section ends with ]"),
-    (r"=\s*[A-Za-z/]", "a text has quotes"),
-    (r"^\s*[\w.-]+\s*:", "write NAME = VALUE"),
-)
-"""Frequent defects of lines that are no TOML, and what to write instead."""
-
-
-def _in_words(text: str, error: str) -> str:
-    """What to write instead of a line that is no TOML, for the end of a message; "" if that is not known."""
-    place = re.search(r"\(at line (\d+), column \d+\)$", error)
-    if place is None:
-        return ""
-    line = text.splitlines()[int(place[1]) - 1]
-    if error.startswith("Cannot overwrite a value"):
-        return f": {line.partition('=')[0].strip():.60} has a value already; give it one"
-    if re.match(r"Cannot (declare|mutate)", error):
-        return f": {line.strip():.60} is there already; put its keys together"
-    return next((f": {hint}" for pattern, hint in _HINTS if re.search(pattern, line)), "")
 
 
 _DEEPEST = 50

@@ -87,6 +87,7 @@ def budget(
     Example: `rig budget RUN --equipment equipment.toml --at force_kN=2.5`
     """
     from rig.procedures.evaluate.points import points  # noqa: PLC0415
+    from rig.verbs.budget.in_short import in_short  # noqa: PLC0415
     from rig.verbs.budget.result import budget as budget_run  # noqa: PLC0415
 
     check_files([report], [run_file, *(confirmed_by or ()), *filter(None, (equipment,))])
@@ -103,8 +104,8 @@ def budget(
     if as_json:
         print_json(found.to_json())
     else:
-        show(found.blocks(each=full), out)
+        show(found.blocks() if full else in_short(found), out)
         if not full:
-            out.print("\nthe budget of each result: --full; with pictures: --report FILE.html")
+            out.print("\neach result with its budget: --full; with pictures: --report FILE.html")
     show_notes(found)
     return ExitCode.DONE

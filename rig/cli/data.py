@@ -33,6 +33,7 @@ DataArgument = Annotated[Path, typer.Argument(help="a run file, or a CSV table",
 @with_options_of_kinds(lambda kind: kind.fit_options)
 def fit(
     data: DataArgument,
+    full: Annotated[bool, typer.Option("--full", help="every number of each sensor, not one screen")] = False,
     as_json: JsonOption = False,
     out_file: Annotated[
         Path | None, typer.Option("--out", "-o", help="write the calibration to this JSON file", show_default=False)
@@ -74,11 +75,14 @@ def fit(
 ) -> int:
     """Fit the declared model to every sensor; analyse replications, or whole plots by all methods.
 
+    More than three sensors take one screen; `--full` has every number.
+
     Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit RUN --traced --temperature --out package.json`,
     `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
     """
     from rig.tables import FileForm, FileSource  # noqa: PLC0415
     from rig.verbs.data.result import fit_source  # noqa: PLC0415
+    from rig.verbs.data.result import in_short as in_short_of  # noqa: PLC0415
 
     more = [*(confirmed_by or ()), *(added or ())]
     check_files([out_file, report], [data, *more, *filter(None, (equipment,))])
@@ -100,7 +104,10 @@ def fit(
     if out_file is not None:
         fitted.save(out_file)
         err.print(f"calibration: {escape(str(out_file))}", soft_wrap=True)
-    show_result(fitted, as_json=as_json)
+    blocks = [*(fitted.blocks() if full or as_json else in_short_of(fitted))]
+    show_result(fitted, as_json=as_json, blocks=blocks)
+    if not full and not as_json and len(blocks) < len([*fitted.blocks()]):
+        out.print("\nmore: --full; the methods and coefficients of each sensor are in --json, too")
     return ExitCode.DONE if fitted.inside else ExitCode.OUTSIDE_ACCEPTANCE
 
 

@@ -14,7 +14,7 @@ from rig.cli.commands import app
 from rig.cli.options import JsonOption
 from rig.cli.show import err, out, print_json
 from rig.cli.signed_in import LoginOption, asked_password, signed_in
-from rig.errors import ExitCode, RunFileError, UsageError
+from rig.errors import ExitCode, UsageError
 from rig.lab import Laboratory, differences, laboratory_in, laboratory_of
 from rig.lab.people import ROLES, check_login, hashed, new_token
 from rig.procedures.present.blocks import Grid
@@ -148,11 +148,10 @@ def log(
     laboratory = laboratory_in(lab)
     laboratory.note_changes(operator())
     found = verify_file(laboratory.log_file)
-    if not found.whole:
-        raise RunFileError(f"{laboratory.log_file} was edited or damaged: {found.findings[0]}")
+    whole = laboratory.verified_log()
     if beyond := laboratory.beyond():
         err.print(f"[yellow]{beyond} files *.toml are not in it: there are too many of them in {escape(str(lab))}[/]")
-    rows = [row for row in differences(laboratory.log()) if not isinstance(row[0].event, RunCreated)]
+    rows = [row for row in differences(whole) if not isinstance(row[0].event, RunCreated)]
     if as_json:
         events = [
             {"utc_s": record.utc_s, "status": record.status, "says": record.sentence(), **record.data, "lines": lines}

@@ -71,7 +71,7 @@ def approve(
     Examples: `rig approve`, `rig approve 3`, `rig approve 3 --login ben`
     """
     laboratory = laboratory_in(lab)
-    log = laboratory.log()
+    log = laboratory.verified_log()
     if number is None:
         _list(list(log.proposals.values()), as_json=as_json)
         return ExitCode.DONE

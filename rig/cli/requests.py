@@ -11,11 +11,11 @@ from rich.markup import escape
 from rig.cli.commands import app
 from rig.cli.options import OperatorOption, RunArgument
 from rig.cli.show import err
+from rig.cli.signed_in import LoginOption, acting
 from rig.errors import ExitCode
 from rig.run_file.live import asked_by_hand, live_path, read_json
 from rig.run_file.verify.verification import LOOP_SUFFIX
 from rig.verbs.run.requests import ask
-from rig.who import operator
 
 
 def _asked(run_file: Path, verb: str, **more: Any) -> int:
@@ -28,15 +28,15 @@ def _asked(run_file: Path, verb: str, **more: Any) -> int:
 
 
 @app.command()
-def hold(run_file: RunArgument) -> int:
+def hold(run_file: RunArgument, login: LoginOption = None) -> int:
     """Stop all motion, leave chambers as they are, and wait; `rig release` continues the run."""
-    return _asked(run_file, "hold", who=operator().name)
+    return _asked(run_file, "hold", who=acting(run_file, login, refuses=False).name)
 
 
 @app.command()
-def release(run_file: RunArgument) -> int:
+def release(run_file: RunArgument, login: LoginOption = None) -> int:
     """Continue a held run."""
-    return _asked(run_file, "release", who=operator().name)
+    return _asked(run_file, "release", who=acting(run_file, login, refuses=False).name)
 
 
 @app.command()
@@ -47,6 +47,7 @@ def done(
         typer.Option(help="the number that the step asks for, in the unit of its name", show_default=False),
     ] = None,
     operator_name: OperatorOption = None,
+    login: LoginOption = None,
 ) -> int:
     """Say that a step by hand is done; the run goes on.
 
@@ -54,15 +55,16 @@ def done(
 
     Example: `rig done runs/20260115T180000-night-1a2b.sqlite --value 5.0003`
     """
+    by = acting(run_file, login, operator_name)
     asked = asked_by_hand(read_json(live_path(run_file)) or {}) if run_file.is_file() else None
     step = 0 if asked is None else asked.step
     if asked is not None:
         which = f"step {step} of {asked.of}: " if asked.of else ""
         err.print(f"{which}{escape(asked.say)}", soft_wrap=True)
-    return _asked(run_file, "done", step=step, value=value, who=operator(operator_name).name)
+    return _asked(run_file, "done", step=step, value=value, who=by.name)
 
 
 @app.command()
-def stop(run_file: RunArgument) -> int:
+def stop(run_file: RunArgument, login: LoginOption = None) -> int:
     """Park the bench and end the session; the run can be resumed later."""
-    return _asked(run_file, "stop", who=operator().name)
+    return _asked(run_file, "stop", who=acting(run_file, login, refuses=False).name)

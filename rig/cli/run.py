@@ -16,6 +16,7 @@ from rig.cli.options import BenchOption, OnlyOption, OperatorOption, ProcedureAr
 from rig.cli.progress import run_progress
 from rig.cli.show import err, mark, outlive_readers
 from rig.cli.signals import KillOption, killing, signals
+from rig.cli.signed_in import LoginOption, acting
 from rig.cli.unattended import (
     Listening,
     LogFormatOption,
@@ -44,7 +45,6 @@ from rig.runs.accepted import Acceptance
 from rig.runs.controller import Result, resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.unattended import Listeners, RunFacts, ServiceManager
-from rig.who import operator
 
 _EXIT = {
     Outcome.COMPLETE: ExitCode.DONE,
@@ -69,6 +69,7 @@ def run(
         typer.Option("--create-only", help="check identities, create the run file, and leave the run to a service"),
     ] = False,
     operator_name: OperatorOption = None,
+    login: LoginOption = None,
     log: LogOption = None,
     log_format: LogFormatOption = "text",
     notify: NotifyOption = None,
@@ -83,7 +84,7 @@ def run(
     Example: `rig run procedure.toml --bench bench.toml --dry --world world.toml`
     """
     outlive_readers()
-    by = operator(operator_name)
+    by = acting(bench, login, operator_name)
     check_added_to(log, [procedure, bench, world, notify_file])
     plan = load_plan(procedure, bench, dry=dry, world=world)
     plan.check_only(only)
@@ -144,6 +145,7 @@ def resume(
         typer.Option("--unless-stopped", help="do not resume a run stopped by `rig stop`: used by services"),
     ] = False,
     operator_name: OperatorOption = None,
+    login: LoginOption = None,
     log: LogOption = None,
     log_format: LogFormatOption = "text",
     notify: NotifyOption = None,
@@ -163,9 +165,11 @@ def resume(
 
         if bench is not None or accept or kill_at_point is not None:
             raise UsageError("of the options about the bench, only --gap is for a loop: resume its open run with them")
+        if login is not None:
+            raise UsageError("a loop takes no --login: resume its open run with it")
         heard_by = Listening(log, log_format, notify, notify_file, dry=False, strict=False)
         return resume_of_loop(run_file, gap, heard_by, operator_name, unless_stopped=unless_stopped)
-    by = operator(operator_name)
+    by = acting(run_file, login, operator_name)
     check_added_to(log, [run_file, bench, notify_file])
     with RunReader.open(run_file) as reader:
         simulated, dry = is_simulated(reader), reader.about().runs_dry

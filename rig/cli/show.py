@@ -18,11 +18,12 @@ from rig.procedures.present.terminal import show
 from rig.procedures.present.visible import visible
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from pathlib import Path
 
     from rich.text import Text
 
+    from rig.procedures.present.blocks import Block
     from rig.procedures.tables.table import Table
     from rig.verbs.result import Reported, Result
 
@@ -102,12 +103,12 @@ def show_notes(result: Result) -> None:
         err.print(f"[yellow]{escape(note)}[/]", soft_wrap=True)
 
 
-def show_result(result: Result, *, as_json: bool) -> None:
-    """A result on stdout, its notes on stderr."""
+def show_result(result: Result, *, as_json: bool, blocks: Iterable[Block] | None = None) -> None:
+    """A result on stdout, as these `blocks` if they are given, and its notes on stderr."""
     if as_json:
         print_json(result.to_json())
     else:
-        show(result.blocks(), out)
+        show(result.blocks() if blocks is None else blocks, out)
     show_notes(result)
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from rig.errors import RigError, UsageError
-from rig.lab import Laboratory, by_password, check_role, proven
-from rig.who import Operator, operator
+from rig.lab import Laboratory, by_password, check_role, laboratory_of, proven
+from rig.who import PROVEN, Operator, login_of, operator
 
 LoginOption = Annotated[
     str | None,
@@ -43,3 +44,36 @@ def signed_in(laboratory: Laboratory, login: str | None, role: str) -> Operator:
     person = by_password(people, login, asked_password(f"Password of {login}"))
     check_role(login, person, role)
     return proven(login, person)
+
+
+def acting(where: Path, login: str | None, name: str | None = None, *, refuses: bool = True) -> Operator:
+    """Who acts on a run or bench, as honestly as a page says it.
+
+    Args:
+        where: the run file, or the bench file.
+        login: login of a person of its laboratory, whose password is asked for; None without.
+        name: the operator's name, as given.
+        refuses: whether the unproven name of a person is refused; a hold or a stop is not, and says so instead.
+
+    Raises:
+        UsageError: the password is wrong, the role operator is missing, or the name is that of a person of the
+            laboratory, which nothing proves.
+    """
+    laboratory = laboratory_of(where)
+    if login is not None:
+        if laboratory is None:
+            raise UsageError(f"{where} is in no laboratory with people: --operator NAME, or rig person")
+        return signed_in(laboratory, login, "operator")
+    by = operator(name)
+    if laboratory is None or by.by in PROVEN:
+        return by
+    try:
+        people = laboratory.people().people
+    except RigError:
+        return by  # who keeps the file mends it; a run goes on
+    own = login_of(by.name)
+    if own == by.name or own not in people:
+        return by
+    if refuses:
+        raise UsageError(f"{by.name} is a person of this laboratory: --login {own} proves it, with the password")
+    return Operator(f"{by.name}, not proven", by.by)

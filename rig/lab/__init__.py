@@ -3,7 +3,8 @@
 The public face: `laboratory_of` a file, and the `Laboratory` with its people and its log.
 """
 
-from rig.lab.laboratory import Laboratory, Log, differences, laboratory_in, laboratory_of, without_secrets
+from rig.lab.laboratory import Laboratory, Log, differences, laboratory_in, laboratory_of
+from rig.lab.masked import without_secrets
 from rig.lab.people import (
     People,
     Person,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from difflib import unified_diff
@@ -13,27 +12,23 @@ from pathlib import Path
 from typing import Any
 
 from rig.bench.config import parse_toml, read_text
-from rig.errors import UsageError
+from rig.errors import RunFileError, UsageError
 from rig.files.atomic import write_whole
 from rig.files.regular import open_regular
 from rig.files.temporary import locked
 from rig.files.toml_text import toml_text
+from rig.lab.masked import without_secrets
 from rig.lab.people import FILE, People, parse_people
 from rig.run_file.approval import digests_of
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.laboratory import ApprovalUsed, Decided, FileChanged, Proposed
-from rig.run_file.verify.verification import LOG
+from rig.run_file.verify.verification import LOG, verify_file
 from rig.run_file.write.ledger import Ledger
 from rig.who import Operator
 
 _LOG = "log.sqlite"
 _MOST_FILES, _MOST_TEXT, _MOST_BYTES = 500, 200_000, 4 << 20
-_SECRET = re.compile(
-    r"""(?is)(\b[\w-]*(?:password|token|secret|api_?key|url)[\w-]*["']?\s*=\s*)"""
-    r"""(\"{3}.*?\"{3}|'{3}.*?'{3}|"[^"\n]*"|'[^'\n]*')"""
-)
-"""Keys whose values stay out of the log: secrets, and addresses and names of variables where people write secrets."""
 
 
 @dataclass
@@ -137,6 +132,12 @@ class Laboratory:
         """Its people. Raises `ConfigurationError`."""
         return parse_people(read_text(self.people_file, "people"), str(self.people_file))
 
+    def verified_log(self) -> Log:
+        """State of the log, after its chain was verified. Raises `RunFileError` if it was edited or damaged."""
+        if self.log_file.exists() and not (found := verify_file(self.log_file)).whole:
+            raise RunFileError(f"{self.log_file} was edited or damaged: {found.findings[0]}")
+        return self.log()
+
     def log(self) -> Log:
         """State of the log; empty if there is none."""
         return self.ledger.read(Log()) if self.log_file.exists() else Log()
@@ -155,7 +156,7 @@ class Laboratory:
         """
         path = self.people_file
         with self.changing(why, by):
-            values = parse_toml(read_text(path, "people"), str(path)) if path.exists() else {}
+            values = parse_toml(read_text(path, "people"), str(path), shown=False) if path.exists() else {}
             people = values.setdefault("people", {})
             kept = parse_people(toml_text(values), str(path)).having("administrator")
             change(people)
@@ -225,11 +226,6 @@ class Laboratory:
         except (OSError, UnicodeDecodeError):
             return ""
         return without_secrets(text) if len(text) <= _MOST_TEXT else ""
-
-
-def without_secrets(text: str) -> str:
-    """The text of a settings file, with "not shown" for values of keys that may be secrets."""
-    return _SECRET.sub(r'\1"not shown"', text)
 
 
 def laboratory_of(path: Path) -> Laboratory | None:

@@ -75,7 +75,7 @@ class WrongPassword(UsageError):
 
 def parse_people(text: str, where: str) -> People:
     """Check the text of a `people.toml`. Raises `ConfigurationError`, in which no value is shown."""
-    people: People = validated(People, parse_toml(text, where), where, shown=False)
+    people: People = validated(People, parse_toml(text, where, shown=False), where, shown=False)
     for login in people.people:
         check_login(login)
     return people

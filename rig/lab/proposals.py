@@ -136,7 +136,7 @@ def permission(
             f"people (rig person): {how}. Further runs of a loop or of rig confirm are proposed as files of their own"
         )
     digests = digests_of(documents)
-    proposals = laboratory.log().proposals.values()
+    proposals = laboratory.verified_log().proposals.values()
     for proposal in proposals:
         found = Permission(laboratory, proposal.number, digests, run_list)
         if found._holds(proposal):

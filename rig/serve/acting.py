@@ -36,6 +36,7 @@ class Acting:
     _passwords: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))  # 64 MB each
     _waiting: int = 0
     _slow: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
+    _at_work: set[str] = field(default_factory=set)
     _brief: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
 
     async def password(self, login: str, password: str, address: str) -> Person:
@@ -79,13 +80,24 @@ class Acting:
     async def carry_out(self, act: Act, by: Operator) -> Told:
         """Do it, and log after it which files an editor has changed. Raises `RigError`."""
         if act.slow:
-            limiter = self._brief if act.brief else self._slow
-            told = await to_thread.run_sync(apart, act, self.places.laboratory, by, limiter=limiter)
+            told = await self._apart(act, by)
         else:
             told = await to_thread.run_sync(act.carry_out, self.places, by)
         with contextlib.suppress(RigError, OSError):  # the act was done, whether the log can be written or not
             await to_thread.run_sync(self.places.laboratory.note_changes, by)
         return told
+
+    async def _apart(self, act: Act, by: Operator) -> Told:
+        """A slow act in a process of its own; one of a person at a time, so that nobody waits for all of another."""
+        if act.brief:
+            return await to_thread.run_sync(apart, act, self.places.laboratory, by, limiter=self._brief)
+        if by.name in self._at_work:
+            raise UsageError(f"something of {by.name} is still at work; wait until it is done")
+        self._at_work.add(by.name)
+        try:
+            return await to_thread.run_sync(apart, act, self.places.laboratory, by, limiter=self._slow)
+        finally:
+            self._at_work.discard(by.name)
 
 
 _WAIT = "Too many wrong passwords. Wait {:.0f} s."

@@ -22,6 +22,7 @@ from rig.lab import Person, WrongPassword, by_token, proven
 from rig.procedures.present.as_json import finite
 from rig.serve.acting import Acting, NotConfirmed
 from rig.serve.asked import address_of, json_of
+from rig.serve.drift import of_item
 from rig.serve.site import TELLS, Site
 from rig.version import VERSION
 from rig.who import Operator
@@ -47,6 +48,7 @@ class Api:
             Route(f"/api/{name}", self._told(tells), methods=["GET"]) for name, tells in self._site.tells().items()
         ]
         found.append(Route("/api/runs/{name}", self._run, methods=["GET"]))
+        found.append(Route("/api/items/{name:path}", self._item, methods=["GET"]))
         found.append(Route("/api/act/{act}", self._act, methods=["POST"]))
         return [*found, Route("/api/openapi.json", lambda _: JSONResponse(openapi()), methods=["GET"])]
 
@@ -56,6 +58,16 @@ class Api:
             return JSONResponse(finite(await to_thread.run_sync(tells)))
 
         return answer
+
+    async def _item(self, request: Request) -> Response:
+        await self._who(request)
+        found = await to_thread.run_sync(of_item, self._acting.places.folder, request.path_params["name"])
+        if found is None:
+            raise HTTPException(404, "no certificate is of this item")
+        results = [{"what": one["what"], "values": one["values"]} for one in found["results"]]
+        due = found["due"]
+        told = {"key": found["key"], "certificates": found["certificates"], "results": results}
+        return JSONResponse({**told, "due": "" if due is None else due.on, "by": "" if due is None else due.by})
 
     async def _run(self, request: Request) -> Response:
         await self._who(request)
@@ -123,9 +135,12 @@ def openapi() -> dict[str, Any]:
         for name, words in TELLS.items()
     }
     named = [{"name": "name", "in": "path", "required": True, "schema": {"type": "string"}}]
-    words = "All contents of the page of a run."
-    about = {"operationId": "run", "summary": words, "parameters": named, "responses": answers}
-    tells["/api/runs/{name}"] = {"get": about}
+    for path, name, words in (
+        ("runs", "run", "All contents of the page of a run."),
+        ("items", "item", "Certificates of an item, its results over time, and when it is due."),
+    ):
+        about = {"operationId": name, "summary": words, "parameters": named, "responses": answers}
+        tells[f"/api/{path}/{{name}}"] = {"get": about}
     return {
         "openapi": "3.1.0",
         "info": {"title": "calibration-rig", "version": VERSION, "summary": "Acts in a laboratory, for programs."},

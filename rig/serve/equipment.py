@@ -81,6 +81,7 @@ class EquipmentList:
             on = date.fromisoformat(thing.on) if thing.on else None
             about = f"{thing.certificate} of {thing.dated}; due by {thing.by}"
             row = rows[thing.key, "item"] = _row(thing.key, "item", about, on, today)
+            row["page"] = thing.key
             if thing.only_known_until:  # nothing broke until then, and nobody knows what follows
                 row |= {"due": f"after {thing.on}", "days": "not known", "tone": ""}
         return sorted(rows.values(), key=lambda row: (row["date"] is None, row["date"] or today, row["what"]))
@@ -110,7 +111,16 @@ def _row(what: str, kind: str, about: str, due: date | None, today: date) -> dic
     days = None if due is None else (due - today).days
     tone = "" if days is None else "bad" if days < 0 else "hold" if days <= SOON_DAYS else "good"
     said = "" if days is None else f"{-days} days ago" if days < 0 else "today" if not days else f"in {days} days"
-    return {"what": what, "kind": kind, "about": about, "date": due, "due": str(due or ""), "days": said, "tone": tone}
+    return {
+        "what": what,
+        "kind": kind,
+        "about": about,
+        "date": due,
+        "due": str(due or ""),
+        "days": said,
+        "tone": tone,
+        "page": "",
+    }
 
 
 def print_of(path: Path) -> tuple[int, int] | None:

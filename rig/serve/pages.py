@@ -18,17 +18,18 @@ from rig.errors import RigError, UsageError
 from rig.lab import proven
 from rig.serve.acting import Acting, NotConfirmed
 from rig.serve.asked import address_of, form_of, own_page
+from rig.serve.drift import of_item
 from rig.serve.fields import Input, inputs_of
 from rig.serve.first_files import FirstFiles
 from rig.serve.logging_in import LoggingIn
 from rig.serve.passkeys import Passkeys, possible
 from rig.serve.sessions import Session, Sessions
 from rig.serve.site import Site
-from rig.watch.app import Page, Pages, Pause
+from rig.watch.app import Page, Pages, Pause, Streams
 from rig.watch.feed import encoded
 
 Handler = Callable[[Request, Session], Awaitable[Response]]
-_MOST_STREAMS = 60
+_MOST_STREAMS, _MOST_OF_ONE = 60, 12
 _EVERY_S, _BEAT_S = 1.0, 5.0
 _REPORT = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; sandbox"
 _TYPES = {
@@ -64,7 +65,7 @@ class LaboratoryPages:
     def __init__(self, site: Site, acting: Acting, sessions: Sessions, pause: Pause, *, encrypted: bool) -> None:
         self._site, self._acting, self._sessions, self._pause = site, acting, sessions, pause
         self._cookie, self._encrypted = ("__Host-rig" if encrypted else "rig_serve"), encrypted
-        self._open = 0
+        self._streams = Streams(_MOST_STREAMS, _MOST_OF_ONE)
         loader = jinja2.ChoiceLoader([jinja2.PackageLoader("rig.serve"), jinja2.PackageLoader("rig.watch")])
         self._templates = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
         self._templates.filters["part"] = lambda text: quote(str(text), safe="")
@@ -72,7 +73,9 @@ class LaboratoryPages:
         self._passkeys = Passkeys(site.stopwatch)
         self._logging_in = LoggingIn(acting, sessions, self._passkeys, self._cookie, encrypted, self._bare)
         self._new = FirstFiles(acting, self._shown)
-        self._runs = Pages(site.shelf, pause, _MOST_STREAMS, site.acts_of_run, self._lasting, above="/runs")
+        self._runs = Pages(
+            site.shelf, pause, self._streams, site.acts_of_run, self._lasting, above="/runs", who=self._login
+        )
 
     def routes(self) -> list[Route]:
         """All of them."""
@@ -86,6 +89,7 @@ class LaboratoryPages:
             "/results": self._results,
             "/certificates": self._results,
             "/equipment": self._equipment,
+            "/item/{key:path}": self._item,
             "/files": self._settings,
             "/people": self._people,
             "/log": self._changes,
@@ -107,6 +111,10 @@ class LaboratoryPages:
 
     def _session(self, request: Request, *, seen: bool = True) -> Session | None:
         return self._sessions.of(request.cookies.get(self._cookie, ""), seen=seen)
+
+    def _login(self, request: Request) -> str:
+        session = self._session(request, seen=False)
+        return "" if session is None else session.login
 
     def _lasting(self, request: Request) -> bool:
         return self._session(request, seen=False) is not None
@@ -148,15 +156,14 @@ class LaboratoryPages:
         return self._shown("benches.html.j2", session, "/", live=live)
 
     async def _events(self, request: Request, session: Session) -> Response:
-        if self._open >= _MOST_STREAMS:
+        if self._streams.full(session.login):
             return PlainTextResponse("Too many pages are open.\n", 503, {"retry-after": "10"})
         stream = self._stream(request, session)
         return StreamingResponse(stream, media_type="text/event-stream", headers={"x-accel-buffering": "no"})
 
     async def _stream(self, request: Request, session: Session) -> AsyncIterator[str]:
         sent, quiet_s = "", _BEAT_S
-        self._open += 1
-        try:
+        with self._streams.one(session.login):
             yield "retry: 2000\n\n"
             while self._lasting(request):
                 live = await to_thread.run_sync(self._live, session)
@@ -169,8 +176,6 @@ class LaboratoryPages:
                 await self._pause(_EVERY_S)
                 quiet_s += _EVERY_S
             yield "event: over\ndata: {}\n\n"
-        finally:
-            self._open -= 1
 
     async def _queue(self, _request: Request, session: Session) -> Response:
         queue = await to_thread.run_sync(self._site.queue)
@@ -208,6 +213,12 @@ class LaboratoryPages:
         rows = await to_thread.run_sync(self._site.equipment.rows)
         return self._shown("equipment.html.j2", session, "/equipment", rows=rows)
 
+    async def _item(self, request: Request, session: Session) -> Response:
+        found = await to_thread.run_sync(of_item, self._site.places.folder, request.path_params["key"])
+        if found is None:
+            raise HTTPException(404)
+        return self._shown("item.html.j2", session, "/equipment", item=found)
+
     async def _settings(self, _request: Request, session: Session) -> Response:
         folders = await to_thread.run_sync(self._site.settings)
         return self._shown("files.html.j2", session, "/files", folders=folders)
@@ -227,7 +238,7 @@ class LaboratoryPages:
 
     async def _changes(self, _request: Request, session: Session) -> Response:
         changes = await to_thread.run_sync(self._site.changes)
-        return self._shown("log.html.j2", session, "/log", changes=changes)
+        return self._shown("log.html.j2", session, "/log", changes=changes, problem=self._site.problem)
 
     async def _file(self, request: Request, _session: Session) -> Response:
         """A report or certificate by its name in the list: a name is looked up, and never used as a path."""

@@ -21,7 +21,7 @@ from rig.errors import BusyError, RigError, UsageError
 from rig.lab import Laboratory
 from rig.queue import QueueFile, work
 from rig.serve.app import make_app
-from rig.watch.server import configuration, listen, only_this_machine
+from rig.watch.server import bound_handshakes, configuration, listen, only_this_machine
 from rig.who import operator
 
 
@@ -77,6 +77,7 @@ def serve(
     except (OSError, ssl.SSLError) as error:
         raise UsageError(f"{certificate} and {key} are no certificate and its key: {error}") from error
     if how.ssl is not None:
+        bound_handshakes()
         how.ssl.minimum_version = ssl.TLSVersion.TLSv1_2
     listening = listen(host, port)
     with contextlib.closing(listening), _queue(laboratory, works, said):

@@ -11,7 +11,7 @@ from urllib.parse import quote, urlencode
 
 from rig.acts import Places, is_loop
 from rig.bench.config import parse_bench, parse_toml, read_text
-from rig.errors import RigError
+from rig.errors import RigError, RunFileError
 from rig.lab import Laboratory, differences
 from rig.lab.laboratory import Log, Proposal
 from rig.loop import open_program
@@ -60,6 +60,7 @@ class Site:
         self._lock = threading.Lock()
         self._made_s, self._benches = -1e9, list[dict[str, Any]]()
         self._log: tuple[object, Log] = (None, Log())
+        self.problem = ""
         self._comparing = threading.Lock()  # of its own: to compare long texts takes seconds
         self._changes: tuple[object, list[dict[str, Any]]] = (None, [])
         self.equipment = EquipmentList(self.places, self.stopwatch, self.utc)
@@ -70,12 +71,15 @@ class Site:
         return self.places.laboratory
 
     def log(self) -> Log:
-        """State of the log; read again after a change only."""
+        """State of the log, verified; read again after a change only. Empty if it was edited: `problem` says so."""
         path = self.laboratory.log_file
         now = tuple(print_of(one) for one in (path, path.with_name(path.name + "-wal")))
         with self._lock:
             if self._log[0] != now:
-                self._log = (now, self.laboratory.log())
+                try:
+                    self._log, self.problem = (now, self.laboratory.verified_log()), ""
+                except RunFileError as error:  # benches are shown all the same; no approval in it is
+                    self._log, self.problem = (now, Log()), str(error)
             return self._log[1]
 
     def changes(self) -> list[dict[str, Any]]:
@@ -233,6 +237,9 @@ class Site:
     def for_person(self, login: str, roles: tuple[str, ...]) -> list[Link]:
         """What waits for a person: address and words."""
         found: list[Link] = []
+        log = self.log()
+        if self.problem:
+            found.append(("/log", self.problem))
         if "operator" in roles:
             for bench in self.benches():
                 for work in bench["work"]:
@@ -245,7 +252,7 @@ class Site:
                         )
                 if bench["held"]:
                     found.append(("/queue", f"{bench['title']}: item {bench['held']} of the queue holds it"))
-        for one in self.log().proposals.values():
+        for one in log.proposals.values():
             if "approver" in roles and one.state == "waiting" and login_of(one.asked.who) != login:
                 found.append((f"/proposal/{one.number}", f"Proposal {one.number} waits for an approver"))
             if "operator" in roles and one.state == "approved":
@@ -260,7 +267,9 @@ class Site:
         """What programs may ask, by the names of `TELLS`."""
         tells: list[Callable[[], Any]] = [self.benches, self.queue, self.runs, self.proposals]
         tells.append(
-            lambda: [{k: v for k, v in row.items() if k not in ("date", "tone")} for row in self.equipment.rows()]
+            lambda: [
+                {k: v for k, v in row.items() if k not in ("date", "tone", "page")} for row in self.equipment.rows()
+            ]
         )
         return dict(zip(TELLS, [*tells, self.people], strict=True))
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections import Counter
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -42,7 +44,7 @@ def make_app(shelf: Shelf, access: Access, pause: Pause, *, streams: int = _MOST
         pause: waits this many seconds without blocking other requests.
         streams: maximum number of pages open at once.
     """
-    pages = Pages(shelf, pause, streams)
+    pages = Pages(shelf, pause, Streams(streams))
     routes = [Route("/", pages.start), *pages.of_runs(), *static(Path(__file__).parent / "static")]
     return Guarded(Starlette(routes=routes, exception_handlers={404: not_found}), access)
 
@@ -68,30 +70,58 @@ class Page(HTMLResponse):
         return str(content).encode("utf-8", "backslashreplace")
 
 
+class Streams:
+    """How many pages may be open at once, in all and of one visitor.
+
+    Args:
+        most: in all.
+        of_one: of one visitor; None for as many as in all.
+    """
+
+    def __init__(self, most: int, of_one: int | None = None) -> None:
+        self._most, self._of_one = most, most if of_one is None else of_one
+        self._open: Counter[str] = Counter()
+
+    def full(self, who: str) -> bool:
+        """Whether a visitor may open no further one now."""
+        return self._open.total() >= self._most or self._open[who] >= self._of_one
+
+    @contextmanager
+    def one(self, who: str) -> Iterator[None]:
+        """One open page of a visitor."""
+        self._open[who] += 1
+        try:
+            yield
+        finally:
+            self._open[who] -= 1
+            self._open += Counter()  # those of zero go
+
+
 class Pages:
     """The pages of runs.
 
     Args:
         shelf: the runs.
         pause: waits this many seconds without blocking other requests.
-        streams: maximum number of pages open at once.
+        streams: how many pages are open at once.
         acts: what a visitor may do with a run, for its page: (address, words), by name of the run and its view.
         lasting: whether the visitor of a request may still look, asked while its stream is open.
         above: address of the list of runs, if people may act here; "" for pages that only look.
+        who: the visitor of a request, of whom there is a number of open pages.
     """
 
     def __init__(
         self,
         shelf: Shelf,
         pause: Pause,
-        streams: int,
+        streams: Streams,
         acts: Acts = lambda _name, _view: [],
         lasting: Callable[[Request], bool] = lambda _: True,
         above: str = "",
+        who: Callable[[Request], str] = lambda _: "",
     ) -> None:
-        self._shelf, self._pause, self._most, self._acts, self._lasting = shelf, pause, streams, acts, lasting
-        self._above = above
-        self._open = 0
+        self._shelf, self._pause, self._streams, self._acts, self._lasting = shelf, pause, streams, acts, lasting
+        self._above, self._who = above, who
         self._templates = jinja2.Environment(
             loader=jinja2.PackageLoader("rig.watch"), autoescape=True, undefined=jinja2.StrictUndefined
         )
@@ -134,7 +164,7 @@ class Pages:
         feed = self._shelf.feed(request.path_params["name"])
         if feed is None:
             return await not_found(request, None)
-        if self._open >= self._most:
+        if self._streams.full(self._who(request)):
             return PlainTextResponse("Too many pages are open.\n", 503, {"retry-after": "10"})
         given = request.headers.get("last-event-id", "")
         after = int(given) if given.isascii() and given.isdigit() and len(given) < 16 else 0
@@ -149,8 +179,7 @@ class Pages:
     async def _stream(self, feed: RunFeed, after: int, request: Request) -> AsyncIterator[str]:
         sent: dict[str, Any] = {}
         quiet_s = _BEAT_S
-        self._open += 1
-        try:
+        with self._streams.one(self._who(request)):
             yield "retry: 2000\n\n"
             while self._lasting(request):
                 await to_thread.run_sync(feed.refresh)
@@ -169,8 +198,6 @@ class Pages:
                     yield "event: beat\ndata: {}\n\n"
                 await self._pause(_EVERY_S)
                 quiet_s += _EVERY_S
-        finally:
-            self._open -= 1
 
 
 async def not_found(_request: Request, _error: Exception | None) -> Response:

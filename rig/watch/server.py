@@ -8,6 +8,7 @@ import ipaddress
 import platform
 import secrets
 import socket
+from asyncio import constants
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -173,6 +174,11 @@ def serve(
         announce(f"http://{shown}:{listening.getsockname()[1]}{query}")
         with contextlib.suppress(KeyboardInterrupt):
             uvicorn.Server(configuration(make_app(shelf, access, anyio.sleep))).run(sockets=[listening])
+
+
+def bound_handshakes() -> None:
+    """Give a TLS handshake the same time as a request: asyncio waits for a minute, and counts no connection before."""
+    constants.SSL_HANDSHAKE_TIMEOUT = HEADERS_S
 
 
 def configuration(app: ASGIApp) -> uvicorn.Config:

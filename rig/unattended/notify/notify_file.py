@@ -145,7 +145,8 @@ class NotifySettings(BaseModel):
 
 def read_settings(path: Path) -> NotifySettings:
     """Read and check a file. Raises `ConfigurationError`."""
-    settings = validated(NotifySettings, parse_toml(read_text(path, "notify"), str(path)), str(path), shown=False)
+    values = parse_toml(read_text(path, "notify"), str(path), shown=False)
+    settings = validated(NotifySettings, values, str(path), shown=False)
     labels = [channel.label for channel in settings.channel]
     for label in labels:
         if labels.count(label) > 1:

@@ -15,6 +15,7 @@ from rig.fitter.history import Between, QuantityChart
 from rig.fitter.history.forecast import predict
 from rig.fitter.quantiles import t_limit
 from rig.fitter.rounding import with_error
+from rig.procedures.evaluate.charting import Shown
 from rig.procedures.evaluate.results import Page
 from rig.procedures.present.pictures import grid, legend_below
 from rig.procedures.present.words import capitalised
@@ -34,18 +35,29 @@ def parameter_charts(sensor: SensorChart) -> Figure:
     charts = sensor.chart.quantities
     figure, axes = grid(len(charts), columns=2, height=3.0)
     due = sensor.due(sensor.tolerance)
+    when = np.array([_day(one.when) for one in sensor.given])
+    reach = None if sensor.chart.bound is None else _reach(sensor)
     for axis, q in zip(axes, charts, strict=False):
-        _parameter(axis, q, sensor)
-        _dates(axis, due)
+        draw_history(axis, q, sensor.view.shown[q.name], when, sensor.given[0].date, reach)
+        draw_dates(axis, due)
     handles, labels = axes[0].get_legend_handles_labels()
     legend_below(figure, handles, labels, 7)
     return figure
 
 
-def _parameter(axis: Axes, q: QuantityChart, sensor: SensorChart) -> None:
-    how = sensor.view.shown[q.name]
+def draw_history(axis: Axes, q: QuantityChart, how: Shown, when: Array, since: str, reach: float | None) -> None:
+    """Draw a quantity over its calibrations: points with error bars, centre, limits, trend, forecast.
+
+    Args:
+        axis: is drawn on.
+        q: the quantity.
+        how: its unit and name for people.
+        when: (m,) days since 1970 of the calibrations.
+        since: date of the first one, for the title.
+        reach: years ahead to be forecast; None for no forecast.
+    """
     series = q.series
-    start, when = float(series.values[0]), np.array([_day(one.when) for one in sensor.given])
+    start = float(series.values[0])
 
     def shown(values: Array | float) -> Any:
         return how.scale * (np.asarray(values) - start)
@@ -61,19 +73,19 @@ def _parameter(axis: Axes, q: QuantityChart, sensor: SensorChart) -> None:
         out = q.limits.out
         if out.any():
             axis.plot(when[out], shown(series.values[out]), "o", color="#c00", ms=6)
-    if sensor.chart.bound is not None:
-        _forecast(axis, q, sensor, shown)
-    axis.set_title(f"{how.label}, change since {sensor.given[0].date} / {how.unit}", fontsize=9)
+    if reach is not None and q.trend is not None:
+        _forecast(axis, q, float(when[-1]), reach, shown)
+    axis.set_title(f"{how.label}, change since {since} / {how.unit}", fontsize=9)
     axis.grid(color="0.92", linewidth=0.6)
 
 
-def _forecast(axis: Axes, q: QuantityChart, sensor: SensorChart, shown: Any) -> None:
+def _forecast(axis: Axes, q: QuantityChart, last_day: float, reach: float, shown: Any) -> None:
     """Prediction of the parameter under the variation favoured by the data, up to the last due date shown."""
     assert q.trend is not None
-    ages = np.linspace(0.0, _reach(sensor), 25)
+    ages = np.linspace(0.0, reach, 25)
     found = predict(q.series, q.trend.favoured, ages)
     mean, half = np.median(found.mean, axis=0), _quantile_half(found.mean, found.sd)
-    later = _later(sensor, ages)
+    later = last_day + DAYS * ages
     last, colour = float(q.series.values[-1]), _COLOURS[q.trend.favoured]
     axis.plot(later, shown(last + mean), color=colour, linewidth=1.2, label="forecast")
     axis.fill_between(
@@ -83,7 +95,7 @@ def _forecast(axis: Axes, q: QuantityChart, sensor: SensorChart, shown: Any) -> 
     middle = float(np.mean(q.series.values)), float(np.mean(q.series.years))
     ends = [middle[0] + slope * (t - middle[1]) for t in (t0, t1)]
     axis.plot(
-        _later(sensor, q.series.years[[0, -1]] - t1),
+        last_day + DAYS * (q.series.years[[0, -1]] - t1),
         shown(np.array(ends)),
         color="#228833",
         linewidth=1.2,
@@ -110,7 +122,7 @@ def error_chart(sensor: SensorChart) -> Figure:
         later = _later(sensor, bound.years[shown])
         axis.plot(later, scale * values[shown], color=_COLOURS[kind], label=_WORDS[kind])
     axis.axhline(scale * sensor.tolerance, color="0.3", linewidth=0.9, linestyle="--", label="tolerance")
-    _dates(axis, sensor.due(sensor.tolerance))
+    draw_dates(axis, sensor.due(sensor.tolerance))
     axis.set_ylim(bottom=0)
     axis.set_title(f"error of the last calibration's output, 95 % / {unit}", fontsize=9)
     axis.grid(color="0.92", linewidth=0.6)
@@ -139,7 +151,8 @@ def _moment(day: float) -> datetime:
     return datetime.fromtimestamp(86400.0 * day, UTC)
 
 
-def _dates(axis: Axes, due: dict[str, Any]) -> None:
+def draw_dates(axis: Axes, due: Mapping[str, Any]) -> None:
+    """Draw the due date, and write dates below the axis."""
     if "date" in due:
         axis.axvline(
             _day(datetime.fromisoformat(due["date"]).replace(tzinfo=UTC)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from math import isfinite, isnan
 from pathlib import Path
@@ -78,6 +78,13 @@ class Evaluated(Reported):
         """How the table was read, and unused columns and rows."""
         first = [self.understood["sentence"]] if self.understood else []
         return [*first, *sentences(self._told["unused"])]
+
+
+def in_short(evaluated: Evaluated) -> Iterable[Block]:
+    """Lines of a result for people, on one screen where its kind can."""
+    own = evaluated._evaluated
+    blocks: Callable[[], Iterable[Block]] = getattr(own, "short", own.blocks)
+    return blocks()
 
 
 def first_endless(told: JsonValue, key: str = "") -> tuple[str, float] | None:
