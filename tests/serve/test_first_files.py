@@ -209,6 +209,16 @@ def test_no_wrong_text_is_written(file: str, old: str, new: str, why: str, tmp_p
     assert (lab / file).read_text() == text
 
 
+def test_a_command_that_begins_with_a_slash_is_no_path(tmp_path: Path):
+    lab = laboratory(tmp_path / "lab")
+    old = (lab / "bench.toml").read_text()
+    does(lab, "edit", file="bench.toml", text=old.replace("[limits]", "# /1ZR\n[limits]"), before=_hash(old))
+    of_files._inside({"fetch": "/1ZR", "address": "/dev/ttyUSB0", "set": "POS {value}\r"})
+    for text in ("/etc/passwd", "/", "~/x", "a/../../b", "..\\b"):
+        with pytest.raises(UsageError, match="leads out of"):
+            of_files._inside({"points": [text]})
+
+
 def test_a_file_with_a_secret_is_neither_shown_nor_changed(tmp_path: Path):
     lab = laboratory(tmp_path / "lab")
     text = 'api_key = "very secret"\n'
