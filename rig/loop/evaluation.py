@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
-from rig.errors import UsageError
+from rig.errors import RigError
 from rig.fitter.confirm import Question
 from rig.fitter.confirm.judgement import CHANGED, MISFIT
 from rig.fitter.errors import FitError
@@ -28,8 +28,8 @@ from rig.tables.segments import table_of
 from rig.verbs.confirm import Confirmed, First, judge, open_traced
 from rig.verbs.confirm.answers import listed
 
-_REFUSED = (UsageError, DataError, FitError)
-"""Too few points or settings for a trace, or other columns, as of a package that is turned."""
+_REFUSED = (RigError, DataError, FitError)
+"""Too few points or settings for a trace, other columns, as of a package that is turned, or a damaged file."""
 
 
 @dataclass
@@ -97,7 +97,10 @@ class Evaluation:
 
     def _joined(self, runs_left: int) -> LoopJoined | None:
         """The longest further run that shows, together with the first, what that one does not, if error is left."""
-        told = self.told
+        try:
+            told = self.told
+        except _REFUSED:
+            return None
         if told is None or not (why := _unexplained(told)):
             return None
         known = {member.effect for one in told.answers for member in one.members}

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from proving.crashes.loops import CrashedLoop, Evaluations
+from rig.errors import RunFileError
 from rig.fitter.confirm.minor_causes import MinorCause
 from rig.loop import open_program
 from rig.loop.decide import Decision
@@ -91,6 +92,16 @@ def test_a_run_that_shows_a_further_effect_is_one_with_the_first_and_judges_no_m
 
 def test_without_a_run_that_could_judge_nothing_is_joined(shows_more: Evaluation):
     assert shows_more.regrouped(Decision(None, ""), 0) is None
+
+
+def test_a_loop_whose_runs_cannot_be_evaluated_is_closed_with_that_reason(
+    shows_more: Evaluation, monkeypatch: pytest.MonkeyPatch
+):
+    def damaged(_: Evaluation) -> Confirmed | None:
+        raise RunFileError("a page is damaged")
+
+    monkeypatch.setattr(Evaluation, "told", property(damaged))
+    assert shows_more.regrouped(Decision(None, "the runs cannot be evaluated: a page is damaged"), 1) is None
 
 
 def test_runs_are_apart_again_if_they_leave_open_what_was_settled(shows_more: Evaluation):
