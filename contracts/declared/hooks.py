@@ -28,10 +28,13 @@ def placed(text: str, folder: Path) -> str:
 
     Raises:
         OSError: the hook cannot be read.
+        ValueError: it does not stand beside the file.
     """
     found = _KEY.search(text)
     if found is None or "hook_sha256" in text:
         return text
+    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]*\.py", found[1]):
+        raise ValueError(f'its hook {found[1]!r} has to be a Python file beside it: hook = "my_bath.py"')
     path = (folder / found[1]).resolve()
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return f'{text[: found.start()]}hook = {json.dumps(str(path))}\nhook_sha256 = "{digest}"{text[found.end() :]}'

@@ -79,7 +79,7 @@ class LibraryBridge:
     def _begin(self) -> None:
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the process
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "rig.drivers.bridges.worker"],
+            [sys.executable, "-P", "-m", "rig.drivers.bridges.worker"],  # nothing is imported from where we stand
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._said,

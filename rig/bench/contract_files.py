@@ -72,6 +72,8 @@ def with_hook(text: str, path: Path) -> str:
         return placed(text, path.parent)
     except OSError as error:
         raise ConfigurationError(f"{path}: its hook {error.filename} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise ConfigurationError(f"{path}: {error}") from None
 
 
 def with_files(config: BenchConfig, texts: Mapping[str, str], where: str) -> BenchConfig:

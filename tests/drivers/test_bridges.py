@@ -148,6 +148,14 @@ def test_a_library_that_hangs_is_ended(library):
     assert library.read("level", 10).text == "0.0"  # another process, which has begun anew
 
 
+def test_nothing_is_imported_from_where_rig_stands(stub, tmp_path, monkeypatch):
+    (tmp_path / "queue.py").write_text("raise SystemExit(9)")
+    monkeypatch.chdir(tmp_path)
+    made = LibraryBridge(bridged("pymeasure:acme.Source"), "GPIB0::4::INSTR", {}, "source", RealClock())
+    assert made.identity(10)[0] == "ACME"
+    made.close()
+
+
 def test_a_library_that_dies_is_reported(library):
     with pytest.raises(Unreachable, match="exit code 3"):
         library.read("dies", 10)

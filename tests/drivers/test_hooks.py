@@ -165,3 +165,11 @@ def test_a_missing_hook_is_named(folder):
 
 def test_a_checked_instrument_uses_its_hook(folder):
     assert rig("instrument", "check", "my_bath.toml", "--set", "30", cwd=folder).returncode == 0
+
+
+@pytest.mark.parametrize("name", ["../my_bath.py", "/etc/my_bath.py", "my_bath", ".py"])
+def test_a_hook_stands_beside_its_file(folder, name):
+    (folder / "my_bath.toml").write_text(BATH.replace("my_bath.py", name))
+    done = rig("instrument", "check", "my_bath.toml", cwd=folder)
+    assert done.returncode == 78
+    assert "a Python file beside it" in " ".join(done.stderr.split())
