@@ -90,6 +90,16 @@ def turns(angle_deg: FloatArray, most: int) -> FloatArray:
     return np.asarray(np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(angle_deg.size, -1))
 
 
+def halves(columns: FloatArray) -> FloatArray:
+    """(m,) number of half waves of each of `waves` (n, m)."""
+    return np.arange(1.0, columns.shape[1] + 1)
+
+
+def rough_turns(columns: FloatArray) -> FloatArray:
+    """(2 m,) number of periods of each of `turns` (n, 2 m)."""
+    return np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
+
+
 def orders_of(columns: FloatArray, tried: Sequence[int] = (3, 6, 12)) -> tuple[int, ...]:
     """Orders in which a block of so many columns is tried."""
     most = columns.shape[1]

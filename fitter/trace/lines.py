@@ -14,6 +14,8 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.flexible import Block, rough_turns, turns
+from rig.fitter.trace.shape import Axis
 
 ABOUT = 20
 """Number of frequencies on each side for the comparison of power."""
@@ -259,3 +261,23 @@ def folded(left: FloatArray, at: FloatArray, period: float) -> tuple[float, Floa
     power = sum(np.abs(one @ left) ** 2 for one in (wave, twice, twice * wave))
     best = float(1.0 / tried[tried > 0][int(np.argmax(power))])
     return best, np.asarray(np.mod(at, best))
+
+
+def over_phase(
+    found: Line, left: FloatArray, at: FloatArray, period: float, unit: str, harmonics: int
+) -> tuple[Block, Axis]:
+    """Harmonics of a period that was found, and their axis: each row's place in it.
+
+    Args:
+        found: the period.
+        left: (n,) residual.
+        at: (n,) time or number of each row.
+        period: of it, in `unit`.
+        unit: of `at`.
+        harmonics: largest number of them.
+
+    """
+    period, phase = folded(left, at, period)
+    columns = turns(360.0 * phase / period, harmonics)
+    block = Block(found.where, columns, (columns.shape[1],), rough_turns(columns))
+    return block, Axis("phase", f"place in a period of {period:.4g} {unit}".rstrip(), unit, phase)

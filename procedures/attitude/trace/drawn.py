@@ -9,9 +9,9 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.doubts import DOUBT
-from rig.fitter.trace.flexible import Block, turns, waves
+from rig.fitter.trace.flexible import Block, halves, rough_turns, turns, waves
 from rig.fitter.trace.limits import limit
-from rig.fitter.trace.lines import Line, folded
+from rig.fitter.trace.lines import Line, over_phase
 from rig.fitter.trace.outcome import Instead
 from rig.fitter.trace.shape import Axis, Name, ResidualAndWaves, Shape, shape_of, standing_for
 from rig.procedures.attitude.effects import Scene
@@ -47,7 +47,7 @@ def drawn(unmodelled: UnmodelledSmooth, left: ResidualShape, i: int) -> Shape | 
     place, axes = left.place, axes_of(unmodelled.problem.scene, left.place.text, i)
     if axes is not None and place.text in ("over the pitch angle", "over gravity along the sensor"):
         columns = waves(axes[0].values, FINE)
-        place = replace(place, columns=lambda: columns, roughness=np.arange(1.0, columns.shape[1] + 1))
+        place = replace(place, columns=lambda: columns, roughness=halves(columns))
     return _drawn(unmodelled, place, i, left.p, axes)
 
 
@@ -74,13 +74,8 @@ def drawn_period(unmodelled: UnmodelledSmooth, found: Line, i: int) -> Shape | N
         at, period, unit = count, found.period, "readings"
     else:
         at, period, unit = data.elapsed_s / 60.0, found.period / 60.0, "min"
-    period, phase = folded(unmodelled.view(level).outputs[i], at, period)
-    columns = turns(360.0 * phase / period, HARMONICS)
-    block = Block(found.where, columns, (columns.shape[1],), np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2))
-    place = Place.of(block, level, i, len(problem.sensors))
-    return _drawn(
-        unmodelled, place, i, found.p, (Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase), None)
-    )
+    block, axis = over_phase(found, unmodelled.view(level).outputs[i], at, period, unit, HARMONICS)
+    return _drawn(unmodelled, Place.of(block, level, i, len(problem.sensors)), i, found.p, (axis, None))
 
 
 def drawn_points(unmodelled: UnmodelledSmooth, left: ResidualShape | None, p: float, i: int) -> Shape | None:
@@ -102,7 +97,7 @@ def drawn_points(unmodelled: UnmodelledSmooth, left: ResidualShape | None, p: fl
     each = [(np.ones((len(scene.data), 1)), np.zeros(1))]
     for angle in (scene.data.pitch_deg, *([scene.data.roll_deg] if scene.roll else [])):
         own = turns(angle, WAVES)
-        rough = np.repeat(np.arange(1.0, own.shape[1] // 2 + 1), 2)
+        rough = rough_turns(own)
         each = [
             (
                 np.column_stack([one, *(one * own[:, [k]] for k in range(own.shape[1]))]),

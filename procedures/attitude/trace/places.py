@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.trace.flexible import Block, orders_of, turns, waves
+from rig.fitter.trace.flexible import Block, halves, orders_of, rough_turns, turns, waves
 from rig.fitter.trace.latches import faded, latches
 from rig.procedures.attitude.effects import Scene
 from rig.procedures.attitude.trace.levels import Level
@@ -134,17 +134,17 @@ def _between_points(scene: Scene) -> list[_Made]:
     with_one = np.column_stack([ones, pitch])
     along = [waves(scene.along(s), GRAVITY) for s in sensors]
     found: list[_Made] = [
-        ("over the pitch angle", lambda _i: pitch, _rough(pitch)),
-        ("over gravity along the sensor", lambda i: along[i], _rough(max(along, key=np.size))),
+        ("over the pitch angle", lambda _i: pitch, halves(pitch)),
+        ("over gravity along the sensor", lambda i: along[i], halves(max(along, key=np.size))),
         (
             "package: an error of pitch over the pitch angle",
             lambda i: _times(scene.per_pitch(sensors[i]), with_one),
-            np.append(1.0, _rough(pitch)),
+            np.append(1.0, halves(pitch)),
         ),
     ]
     if scene.roll:
         roll, both = turns(data.roll_deg, ROLL), _products(waves(data.pitch_deg, BOTH), turns(data.roll_deg, BOTH))
-        rough = _rough_turns(roll)
+        rough = rough_turns(roll)
         rolled = np.column_stack([ones, roll])
         found += [
             ("over the roll angle", lambda _i: roll, rough),
@@ -201,28 +201,32 @@ def _within_points(scene: Scene) -> list[_Made]:
     time, ones = waves(data.elapsed_s, TIME), np.ones((len(data), 1))
     since = waves(_since(data.replicate_index, data.elapsed_s), 6)
     found: list[_Made] = [
-        (ALONG_RUN, lambda _i: time, _rough(time)),
-        ("along the run, times gravity", lambda _i: _times3(g, time[:, :6]), np.repeat(_rough(time[:, :6]), 3)),
-        (ALONG_REPLICATION, lambda _i: since, _rough(since)),
-        (ALONG_TIMES_GRAVITY, lambda _i: _times3(g, since[:, :3]), np.repeat(_rough(since[:, :3]), 3)),
-        ("package: an error of pitch along the run", lambda i: _times(scene.per_pitch(sensors[i]), time), _rough(time)),
+        (ALONG_RUN, lambda _i: time, halves(time)),
+        ("along the run, times gravity", lambda _i: _times3(g, time[:, :6]), np.repeat(halves(time[:, :6]), 3)),
+        (ALONG_REPLICATION, lambda _i: since, halves(since)),
+        (ALONG_TIMES_GRAVITY, lambda _i: _times3(g, since[:, :3]), np.repeat(halves(since[:, :3]), 3)),
+        (
+            "package: an error of pitch along the run",
+            lambda i: _times(scene.per_pitch(sensors[i]), time),
+            halves(time),
+        ),
     ]
     if scene.roll:
         found.append(
             (
                 "package: an error of roll along the run",
                 lambda i: _times(scene.per_roll(sensors[i]), time),
-                _rough(time),
+                halves(time),
             )
         )
     if scene.temperature_degC is not None and data.sensor_temperature_degC is not None:
         warm = waves(data.sensor_temperature_degC, TEMPERATURE)
         found += [
-            ("over the temperature", lambda _i: warm, _rough(warm)),
+            ("over the temperature", lambda _i: warm, halves(warm)),
             (
                 "over the temperature, times gravity",
                 lambda _i: _times3(g, warm[:, :3]),
-                np.repeat(_rough(warm[:, :3]), 3),
+                np.repeat(halves(warm[:, :3]), 3),
             ),
         ]
     sides = [("pitch", data.pitch_side, waves(data.pitch_deg, 6))]
@@ -231,7 +235,7 @@ def _within_points(scene: Scene) -> list[_Made]:
     for axis, side, smooth in sides:
         if np.ptp(side) > 0:
             by = [ones, smooth, g]
-            rough = [np.ones(1), _rough(smooth), np.ones(3)]
+            rough = [np.ones(1), halves(smooth), np.ones(3)]
             if scene.temperature_degC is not None:
                 by.append(scene.warmth()[:, None])
                 rough.append(np.ones(1))
@@ -244,7 +248,7 @@ def _within_points(scene: Scene) -> list[_Made]:
     moved = [waves(np.arcsinh(move), 5) for move in moves if np.ptp(move) > 0]
     if moved:
         both = np.column_stack(moved)
-        found.append(("over the move before", lambda _i: both, np.concatenate([_rough(one) for one in moved])))
+        found.append(("over the move before", lambda _i: both, np.concatenate([halves(one) for one in moved])))
     return found
 
 
@@ -254,14 +258,6 @@ def _same(columns: FloatArray, _i: int) -> FloatArray:
 
 def _with_gravity(scene: Scene, state: FloatArray, i: int) -> FloatArray:
     return np.column_stack([state, _times(scene.along(scene.data.sensors[i]), state)])
-
-
-def _rough(columns: FloatArray) -> FloatArray:
-    return np.arange(1.0, columns.shape[1] + 1)
-
-
-def _rough_turns(columns: FloatArray) -> FloatArray:
-    return np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
 
 
 def _since(group: IntArray, values: FloatArray) -> FloatArray:

@@ -9,9 +9,9 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.doubts import DOUBT
-from rig.fitter.trace.flexible import Block, turns, waves
+from rig.fitter.trace.flexible import Block, halves, waves
 from rig.fitter.trace.limits import limit
-from rig.fitter.trace.lines import Line, folded
+from rig.fitter.trace.lines import Line, over_phase
 from rig.fitter.trace.outcome import Instead
 from rig.fitter.trace.shape import Axis, Name, ResidualAndWaves, Shape, shape_of, standing_for
 from rig.procedures.general.effects.scene import TableScene, is_angle
@@ -32,7 +32,7 @@ def drawn(unmodelled: UnmodelledSmooth, left: ResidualShape) -> Shape | None:
     if place.curve is not None and not is_angle(place.curve, _values(scene, place.curve)):
         values = _values(scene, place.curve)
         columns = waves(values, max(min(FINE, values.size // PER_COLUMN), place.block.columns.shape[1]))
-        fine = Block(place.block.place, columns, place.block.orders, np.arange(1.0, columns.shape[1] + 1))
+        fine = Block(place.block.place, columns, place.block.orders, halves(columns))
         place = replace(place, block=fine)
     return _drawn(unmodelled, place, left.p, axes_of(unmodelled, place))
 
@@ -60,11 +60,8 @@ def drawn_period(unmodelled: UnmodelledSmooth, found: Line) -> Shape | None:
         at, period, unit = np.argsort(np.argsort(time.values, kind="stable")).astype(np.float64), found.period, "rows"
     else:
         at, period, unit = time.values * (time.unit_s or 1.0), found.period, "s"
-    period, phase = folded(unmodelled.left_under(0), at, period)
-    columns = turns(360.0 * phase / period, min(HARMONICS, n // (2 * PER_COLUMN)))
-    rough = np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
-    block = Block(found.where, columns, (columns.shape[1],), rough)
-    axis = Axis("phase", f"place in a period of {period:.4g} {unit}".rstrip(), unit, phase)
+    most = min(HARMONICS, n // (2 * PER_COLUMN))
+    block, axis = over_phase(found, unmodelled.left_under(0), at, period, unit, most)
     return _drawn(unmodelled, Place(block, frozenset(), timed=not found.over), found.p, (axis, None))
 
 

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.trace.flexible import Block, orders_of, turns, waves
+from rig.fitter.trace.flexible import Block, halves, orders_of, rough_turns, turns, waves
 from rig.fitter.trace.latches import latches
 from rig.procedures.general.effects.scene import Grouping, TableScene, at_levels, is_angle
 from rig.procedures.general.effects.time_columns import lagging
@@ -74,7 +74,7 @@ def _over(scene: TableScene) -> Iterator[Place]:
             columns, rough = _angular(v, OVER // 2)
         else:
             columns = waves(at_levels(v) if name in scene.settings else v, _most(v, OVER))
-            rough = _rough(columns)
+            rough = halves(columns)
         yield _place(f"over {name}", columns, rough, {name}, curve=name)
         levels, index = np.unique(v, return_inverse=True)
         if 2 < len(levels) <= len(v) // 2 and name in scene.settings:
@@ -89,7 +89,7 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
         return
     t = time.values
     along = waves(t, _most(t, TIME))
-    yield _place(f"over {time.name}", along, _rough(along), {time.name}, curve=time.name, timed=True)
+    yield _place(f"over {time.name}", along, halves(along), {time.name}, curve=time.name, timed=True)
     if time.presumed:
         return
     number = np.argsort(np.argsort(t, kind="stable"))
@@ -99,13 +99,13 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
         yield Place(block, frozenset({time.name}), timed=True)
     for name, v in scene.settings.items():
         own = _centred(v)[:, None] * along[:, :BESIDE]
-        yield _place(f"over {time.name}, times {name}", own, _rough(own), {time.name, name}, timed=True)
+        yield _place(f"over {time.name}, times {name}", own, halves(own), {time.name, name}, timed=True)
     if group is not None and np.any(np.diff(t) > 0):
         since = waves(_since(group, t), _most(t, BESIDE)) if np.ptp(_since(group, t)) > 0 else np.empty((len(t), 0))
-        yield _place(f"over {time.name} since each group's first row", since, _rough(since), {time.name}, timed=True)
+        yield _place(f"over {time.name} since each group's first row", since, halves(since), {time.name}, timed=True)
     for name, since, turn in _turns(scene, group):
         columns = waves(since, _most(t, BESIDE))
-        yield _place(f"over {time.name} since {name} changed", columns, _rough(columns), {time.name, name}, timed=True)
+        yield _place(f"over {time.name} since {name} changed", columns, halves(columns), {time.name, name}, timed=True)
         if turn[-1] > TURNS:
             continue
         own = (turn[:, None] == np.arange(1, int(turn.max()) + 1)).astype(np.float64)
@@ -125,7 +125,7 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
         move = np.diff(v, prepend=v[:1])
         scale = float(np.median(np.abs(move[move != 0]))) if np.any(move != 0) else 1.0
         moved = waves(np.arcsinh(move / scale), BESIDE) if np.ptp(move) > 0 else np.empty((len(v), 0))
-        yield _place(f"over the step of {name} before", moved, _rough(moved), {name}, timed=True)
+        yield _place(f"over the step of {name} before", moved, halves(moved), {name}, timed=True)
         if len(v) >= 20:
             usual = float(np.median(gap[gap > 0]))
             constants = np.geomspace(0.5 * usual, float(np.ptp(t)) / 3.0, MEMORIES)
@@ -180,7 +180,7 @@ def _of_sides(scene: TableScene) -> Iterator[Place]:
     side, sign = scene.direction
     for name, v in scene.variables.items():
         columns = sign[:, None] * np.column_stack([np.ones(len(v)), waves(v, _most(v, BESIDE))])
-        yield _place(f"over {side} and {name}", columns, _rough(columns), {side, name})
+        yield _place(f"over {side} and {name}", columns, halves(columns), {side, name})
 
 
 def _of_groups(scene: TableScene) -> Iterator[Place]:
@@ -239,11 +239,7 @@ def _most(v: FloatArray, wanted: int) -> int:
 
 def _angular(v: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
     columns = turns(v, min(most, len(v) // (2 * PER_COLUMN)))
-    return columns, np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
-
-
-def _rough(columns: FloatArray) -> FloatArray:
-    return np.arange(1.0, columns.shape[1] + 1)
+    return columns, rough_turns(columns)
 
 
 def _centred(v: FloatArray) -> FloatArray:

@@ -10,9 +10,9 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.doubts import DOUBT
 from rig.fitter.trace.engine.beside import Level
-from rig.fitter.trace.flexible import Block, turns, waves
+from rig.fitter.trace.flexible import Block, halves, waves
 from rig.fitter.trace.limits import limit
-from rig.fitter.trace.lines import Line, folded
+from rig.fitter.trace.lines import Line, over_phase
 from rig.fitter.trace.outcome import Instead
 from rig.fitter.trace.shape import Axis, Name, ResidualAndWaves, Shape, shape_of, standing_for
 from rig.procedures.pressure.effects.scene import PressureScene
@@ -31,7 +31,7 @@ def drawn(unmodelled: UnmodelledSmooth, left: ResidualShape) -> Shape | None:
     place, scene = left.place, unmodelled.scene
     if place.block.place == "over the pressure":
         columns = waves(np.sqrt(np.maximum(scene.p, 0.0)), FINE)
-        fine = Block(place.block.place, columns, place.block.orders, np.arange(1.0, columns.shape[1] + 1))
+        fine = Block(place.block.place, columns, place.block.orders, halves(columns))
         place = replace(place, block=fine)
     return _drawn(unmodelled, place, left.sensor, left.p, axes_of(scene, place.block.place))
 
@@ -54,13 +54,8 @@ def drawn_period(unmodelled: UnmodelledSmooth, found: Line, i: int) -> Shape | N
         at, period, unit = np.argsort(np.argsort(problem.order)).astype(np.float64), found.period, "readings"
     else:
         at, period, unit = data.elapsed_s / 60.0, found.period / 60.0, "min"
-    period, phase = folded(unmodelled.view("subplot").outputs[i], at, period)
-    columns = turns(360.0 * phase / period, HARMONICS)
-    rough = np.repeat(np.arange(1.0, columns.shape[1] // 2 + 1), 2)
-    place = Place(Block(found.where, columns, (columns.shape[1],), rough), "subplot")
-    return _drawn(
-        unmodelled, place, i, found.p, (Axis("phase", f"place in a period of {period:.4g} {unit}", unit, phase), None)
-    )
+    block, axis = over_phase(found, unmodelled.view("subplot").outputs[i], at, period, unit, HARMONICS)
+    return _drawn(unmodelled, Place(block, "subplot"), i, found.p, (axis, None))
 
 
 def _drawn(

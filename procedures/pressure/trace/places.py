@@ -9,7 +9,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.engine.beside import Level
-from rig.fitter.trace.flexible import Block, orders_of, waves
+from rig.fitter.trace.flexible import Block, halves, orders_of, waves
 from rig.fitter.trace.latches import latches
 from rig.procedures.pressure.effects.scene import PressureScene
 
@@ -51,11 +51,11 @@ def _within(scene: PressureScene) -> Iterator[Place]:
     low = waves(np.sqrt(np.maximum(p, 0.0)), PRESSURE)
     sensor, sse = (waves(v, TEMPERATURE) for v in (data.sensor_temperature_degC, data.sse_temperature_degC))
     slope = p[:, None]
-    yield _place("over the pressure", "subplot", (low, _rough(low)), line=True)
+    yield _place("over the pressure", "subplot", (low, halves(low)), line=True)
     yield _place("over the pressure, times the transducer's temperature", "subplot", _products(low, sensor), line=True)
     yield _place("over the pressure, times the electronics' temperature", "subplot", _products(low, sse), line=True)
     for text, of in (("the transducer's temperature", sensor), ("the electronics' temperature", sse)):
-        yield _place(f"with the sensitivity, over {text}", "subplot", (slope * of, _rough(of)), slopes=True)
+        yield _place(f"with the sensitivity, over {text}", "subplot", (slope * of, halves(of)), slopes=True)
     side = data.pressure_side.astype(np.float64)[:, None]
     by = np.column_stack([ones, low[:, :4], sensor[:, :2], sse[:, :1], p[:, None] * sensor[:, :1]])
     rough = np.array(
@@ -69,31 +69,31 @@ def _within(scene: PressureScene) -> Iterator[Place]:
     if np.any(state):
         yield _place("after the last extreme of the pressure", "subplot", (state, np.ones(state.shape[1])), line=True)
     since = waves(scene.since_h, TIME)
-    yield _place("along each whole plot", "subplot", (since, _rough(since)), line=True)
-    yield _place("along each whole plot, times the pressure", "subplot", (slope * since, _rough(since)), line=True)
+    yield _place("along each whole plot", "subplot", (since, halves(since)), line=True)
+    yield _place("along each whole plot, times the pressure", "subplot", (slope * since, halves(since)), line=True)
     for text, of in (
         ("the transducer's temperature", data.sensor_temperature_degC),
         ("the electronics' temperature", data.sse_temperature_degC),
     ):
         step, few = scene.step(of)[:, None] / max(float(np.ptp(of)), np.finfo(float).tiny), since[:, :4]
         both = np.column_stack([step * few, step * slope, step * slope * few])
-        rough = np.concatenate([_rough(few), [1.0], _rough(few)])
+        rough = np.concatenate([halves(few), [1.0], halves(few)])
         yield _place(f"along each whole plot, times the step of {text} before it", "subplot", (both, rough))
     ended = _centred(scene.ended_psia)[:, None] * since[:, :4]
     text = "along each whole plot, times the pressure at which the one before ended"
-    yield _place(text, "subplot", (ended, _rough(ended)))
+    yield _place(text, "subplot", (ended, halves(ended)))
     time = waves(scene.hours, TIME)
-    yield _place("with the sensitivity, along the run", "subplot", (slope * time, _rough(time)), line=True, slopes=True)
+    yield _place("with the sensitivity, along the run", "subplot", (slope * time, halves(time)), line=True, slopes=True)
 
 
 def _between(scene: PressureScene) -> Iterator[Place]:
     data = scene.data
     sensor, sse = (waves(v, TEMPERATURE) for v in map(_coarse, (scene.sensor, scene.sse)))
-    yield _place("over the transducer's temperature", "whole-plot", (sensor, _rough(sensor)))
-    yield _place("over the electronics' temperature", "whole-plot", (sse, _rough(sse)))
+    yield _place("over the transducer's temperature", "whole-plot", (sensor, halves(sensor)))
+    yield _place("over the electronics' temperature", "whole-plot", (sse, halves(sse)))
     yield _place("over both temperatures", "whole-plot", _products(sensor[:, :3], sse[:, :3]))
     time = waves(scene.hours, TIME)
-    yield _place("along the run", "whole-plot", (time, _rough(time)), line=True)
+    yield _place("along the run", "whole-plot", (time, halves(time)), line=True)
     for text, of in (
         ("the transducer's temperatures", data.sensor_temperature_degC),
         ("the electronics' temperatures", data.sse_temperature_degC),
@@ -122,10 +122,6 @@ def _centred(values: FloatArray) -> FloatArray:
     """(n,) between -1 and 1; zero where it is constant."""
     half = 0.5 * float(np.ptp(values))
     return np.asarray((values - values.min() - half) / half if half > 0 else np.zeros_like(values))
-
-
-def _rough(columns: FloatArray) -> FloatArray:
-    return np.arange(1.0, columns.shape[1] + 1)
 
 
 def _products(one: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
