@@ -15,6 +15,7 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.doubts import CHANGES, not_constant
 from rig.fitter.trace.flexible import Block, waves
 
 ENDS = 2
@@ -53,6 +54,11 @@ def change(found: Mapping[str, Sequence[float]]) -> Change | None:
     every = {over: float(special.chdtrc(2 * len(ps), -2.0 * sum(map(_log, ps)))) for over, ps in found.items()}
     over = min(every, key=lambda name: every[name])
     return Change(over, min(every[over] * len(every), 1.0))
+
+
+def changing(found: Mapping[str, Change]) -> dict[str, str]:
+    """Reasons for doubt about names whose coefficients are no constants, from the clearest change of each."""
+    return {name: not_constant(one.over, one.p) for name, one in found.items() if one.p < CHANGES}
 
 
 def _log(p: float) -> float:

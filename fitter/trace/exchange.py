@@ -8,13 +8,31 @@ law times a smooth function of what was recorded does the work of the second, bo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import permutations
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import DELTA, PER_COLUMN
+from rig.fitter.trace.doubts import one_that_changes
 from rig.fitter.trace.flexible import NOTHING_LEFT, Block
+
+
+def exchanges(names: Iterable[str], over: Callable[[str, str], str | None]) -> dict[str, str]:
+    """Reasons for doubt about names of which one with a coefficient that changes does the work of both.
+
+    Args:
+        names: found in one place.
+        over: the variable with which the coefficient of the first name would change instead of the second name.
+
+    """
+    out: dict[str, str] = {}
+    for name, other in permutations(names, 2):
+        variable = over(name, other)
+        if variable is not None:
+            out |= {one: one_that_changes(name, other, variable) for one in (name, other) if one not in out}
+    return out
 
 
 def stands_in(

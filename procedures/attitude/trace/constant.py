@@ -9,9 +9,9 @@ from itertools import permutations
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.constancy import ENDS, Change, change, products
-from rig.fitter.trace.doubts import CHANGES, not_constant, one_that_changes, two_sizes
-from rig.fitter.trace.exchange import stands_in
+from rig.fitter.trace.constancy import ENDS, Change, change, changing, products
+from rig.fitter.trace.doubts import two_sizes
+from rig.fitter.trace.exchange import exchanges, stands_in
 from rig.fitter.trace.flexible import Block, remainders, turns, waves
 from rig.fitter.trace.search import names_of
 from rig.procedures.attitude.effects import Scene
@@ -34,8 +34,7 @@ def new_doubts(unmodelled: UnmodelledSmooth) -> dict[str, str]:
         return {}
     added = _added(unmodelled)
     found = changes(unmodelled, added)
-    changing = {name: not_constant(one.over, one.p) for name, one in found.items() if one.p < CHANGES}
-    return {**_of_two_sizes(unmodelled), **_exchanged(unmodelled, added), **changing}
+    return {**_of_two_sizes(unmodelled), **_exchanged(unmodelled, added), **changing(found)}
 
 
 def _of_two_sizes(unmodelled: UnmodelledSmooth) -> dict[str, str]:
@@ -88,16 +87,16 @@ def changes(unmodelled: UnmodelledSmooth, added: Mapping[str, FloatArray]) -> di
 
 def _exchanged(unmodelled: UnmodelledSmooth, added: Mapping[str, FloatArray]) -> dict[str, str]:
     """Names of which one with a coefficient that changes does the work of both, in sensors that both concern."""
-    scene, out = unmodelled.problem.scene, dict[str, str]()
-    for name, other in permutations(added, 2):
+    scene = unmodelled.problem.scene
+
+    def over(name: str, other: str) -> str | None:
         if not np.any(np.any(added[name], axis=1) & np.any(added[other], axis=1)):
-            continue
+            return None
         view, mine = unmodelled.without_in_view((other,), unmodelled.level_of(other))
         blocks = [block for _, block in _common(scene, added[name])]
-        over = stands_in(view.outputs.reshape(-1), view.of(mine), blocks, partial(view.project, sensor=None), 1.0)
-        if over is not None:
-            out |= {one: one_that_changes(name, other, over) for one in (name, other) if one not in out}
-    return out
+        return stands_in(view.outputs.reshape(-1), view.of(mine), blocks, partial(view.project, sensor=None), 1.0)
+
+    return exchanges(added, over)
 
 
 def _p(unmodelled: UnmodelledSmooth, name: str, sensor: int | None, block: Block) -> float | None:

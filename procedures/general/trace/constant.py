@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import permutations
-
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.constancy import ENDS, Change, change, products
-from rig.fitter.trace.doubts import one_that_changes
-from rig.fitter.trace.exchange import stands_in
+from rig.fitter.trace.exchange import exchanges, stands_in
 from rig.fitter.trace.flexible import waves
 from rig.fitter.trace.search import names_of
 from rig.procedures.general.trace.run import TableData
@@ -52,21 +49,21 @@ def exchanged(unmodelled: UnmodelledSmooth) -> dict[str, str]:
     at = judge.beside(chosen).best
     view, left = judge.view(at), unmodelled.left_under(at)
     variance = float(left @ left) / max(left.size - view.taken(chosen).shape[1], 1)
-    variables, added, out = _variables(unmodelled.data), _added(unmodelled, at), dict[str, str]()
-    for name, other in permutations(names, 2):
+    variables, added = _variables(unmodelled.data), _added(unmodelled, at)
+
+    def over(name: str, other: str) -> str | None:
         theirs = [j for j in chosen if judge.candidates[j].effect.name == other]
         taken = view.taken(tuple(j for j in chosen if j not in theirs))
 
-        def project(columns: FloatArray, taken: FloatArray = taken) -> FloatArray:
+        def project(columns: FloatArray) -> FloatArray:
             white = unmodelled.white(columns, at)
             return np.asarray(white - taken @ (taken.T @ white))
 
         y = judge.white(at, chosen)
         own = project(judge.problem.of(theirs))
-        over = stands_in(y - taken @ (taken.T @ y), own, products(added[name], variables), project, variance)
-        if over is not None:
-            out |= {one: one_that_changes(name, other, over) for one in (name, other) if one not in out}
-    return out
+        return stands_in(y - taken @ (taken.T @ y), own, products(added[name], variables), project, variance)
+
+    return exchanges(names, over)
 
 
 def _added(unmodelled: UnmodelledSmooth, at: int) -> dict[str, FloatArray]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from rig.fitter.trace.doubts import CHANGES, not_constant, not_sudden
+from rig.fitter.trace.constancy import changing
+from rig.fitter.trace.doubts import not_sudden
 from rig.fitter.trace.search import led_by_history
 from rig.procedures.general.trace.constant import changes, exchanged
 from rig.procedures.general.trace.few_rows import resting
@@ -24,10 +25,9 @@ def new_doubts(unmodelled: UnmodelledSmooth) -> dict[str, str]:
     """Of names that are one whose coefficient changes, of coefficients that are no constants, of steps that last, of
     curves that may be others.
     """
-    changing = {name: not_constant(one.over, one.p) for name, one in changes(unmodelled).items() if one.p < CHANGES}
     return {
         **other_laws(unmodelled),
         **exchanged(unmodelled),
         **dict.fromkeys(sorted(lasting(unmodelled)), not_sudden()),
-        **changing,
+        **changing(changes(unmodelled)),
     }

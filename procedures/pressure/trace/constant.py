@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from functools import cached_property, partial
-from itertools import permutations
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.constancy import ENDS, Change, change, products
-from rig.fitter.trace.doubts import CHANGES, not_constant, one_that_changes
-from rig.fitter.trace.exchange import stands_in
+from rig.fitter.trace.constancy import ENDS, Change, change, changing, products
+from rig.fitter.trace.exchange import exchanges, stands_in
 from rig.fitter.trace.flexible import Block, remainders, waves
 from rig.procedures.pressure.effects.scene import PressureScene
 from rig.procedures.pressure.trace.unmodelled import LOOKED_AT, UnmodelledSmooth
@@ -36,8 +34,7 @@ class Constant:
     @cached_property
     def doubts(self) -> dict[str, str]:
         """Reasons for doubt by name."""
-        changing = {name: not_constant(one.over, one.p) for name, one in self.changes.items() if one.p < CHANGES}
-        return {**self._exchanged(), **changing}
+        return {**self._exchanged(), **changing(self.changes)}
 
     @cached_property
     def changes(self) -> dict[str, Change]:
@@ -63,14 +60,15 @@ class Constant:
         problem, out = self.unmodelled.problem, dict[str, str]()
         sigma = self.unmodelled.view("subplot").sigma
         for i in range(len(problem.sensors)):
-            for name, other in permutations(self._names([i]), 2):
+
+            def over(name: str, other: str, i: int = i) -> str | None:
                 theirs = self._mine(other, i)
                 rest = tuple(j for j in self.unmodelled.chosen if j not in theirs)
                 view = self.unmodelled.white.view("subplot", rest, sigma)
                 own, blocks = view.of(theirs, [i]), self._blocks(name, i)
-                over = stands_in(view.outputs[i], own, blocks, partial(view.project, i=i), 1.0)
-                if over is not None:
-                    out |= {one: one_that_changes(name, other, over) for one in (name, other) if one not in out}
+                return stands_in(view.outputs[i], own, blocks, partial(view.project, i=i), 1.0)
+
+            out = exchanges(self._names([i]), over) | out
         return out
 
     def _names(self, sensors: range | list[int]) -> list[str]:
