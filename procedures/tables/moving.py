@@ -11,8 +11,10 @@ from rig.fitter.arrays import FloatArray
 from rig.procedures.column_names import spelled, unit_of
 
 _ERRORS, _FEWEST = 5.0, 3
-"""Standard errors from which on a movement counts as seen, and fewest points, and fewest readings of one. The trend inside one point may be noise
-with a memory; the same trend the way of each step is not."""
+"""Standard errors from which on a movement counts as seen; fewest points, and fewest readings of one.
+
+The trend inside one point may be noise with a memory; the same trend the way of each step is not.
+"""
 
 
 @dataclass(frozen=True)
