@@ -13,6 +13,9 @@ import math
 from dataclasses import dataclass
 from decimal import ROUND_DOWN, ROUND_HALF_EVEN, ROUND_HALF_UP, ROUND_UP, Context, Decimal
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from rig.fitter.errors import FitError
 
 DIGITS = 2
@@ -21,6 +24,8 @@ MOST_LOSS = Decimal("0.05")
 _LEAST_PLACE, _LEAST_POSITION, _LARGEST_POSITION = -9, -3, 7
 _EXACT = Context(prec=700)
 """Digits enough for any sum of a place and a float."""
+_SHIFT = 0.1
+"""Standard errors of a curve by which rounded coefficients may move it."""
 _OF_A_DOUBLE, _UNKNOWN, _LONGEST = 17, 8, 12
 """Digits of a double; of a value whose error is unknown; in front of the point of a number without a power of ten."""
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -117,7 +122,7 @@ def rounded_to(value: float, place: int) -> Decimal:
     return abs(near) if near == 0 else near
 
 
-def with_error(value: float | None, error: float | None, *, least: int = 0, sign: bool = False) -> tuple[str, str]:
+def with_error(value: float | None, error: float | None, *, guard: int = 0, sign: bool = False) -> tuple[str, str]:
     """A value and its standard error, or half an interval, as text: the error says how many digits the value has.
 
     The error has two significant digits and the value the same last decimal place; both are printed to the unit where
@@ -127,8 +132,7 @@ def with_error(value: float | None, error: float | None, *, least: int = 0, sign
     Args:
         value: of anything.
         error: of it, in its unit.
-        least: significant digits of the value at least. Coefficients of one fit are correlated: those that a person
-            copies must not move the curve by their rounding (JCGM 100, 7.2.6).
+        guard: digits of the value beyond the last place of its error, as `guard_digits` gives them.
         sign: whether a positive value has a plus sign.
     """
     if value is None or math.isnan(value):
@@ -137,15 +141,40 @@ def with_error(value: float | None, error: float | None, *, least: int = 0, sign
         digits = _OF_A_DOUBLE - 2 if error == 0.0 else _UNKNOWN
         return _signed(f"{value:.{digits}g}", sign), "0" if error == 0.0 else "inf" if error == math.inf else "-"
     exact, shown = shortest(value), rounded_uncertainty(error)
+    wanted = _place(shown) - guard
     plain = _place(shown) >= _LEAST_PLACE and max(exact.adjusted(), shown.adjusted()) < _LONGEST
     if plain and _place(shown) > 0:
         shown = rounded_to(error, 0)
-    place, first = _place(shown), exact.adjusted() + 1
-    last = max(min(place, first - least) if least else place, first - _OF_A_DOUBLE)
+    place = _place(shown)
+    last = max(min(place, wanted), exact.adjusted() + 1 - _OF_A_DOUBLE)
     near = rounded_to(value, last)
     while last < place and near == (shorter := near.quantize(_unit(last + 1), ROUND_DOWN, _EXACT)):
         near, last = shorter, last + 1
     return _signed(_printed(near, plain), sign), _printed(shown, plain)
+
+
+def guard_digits(covariance: ArrayLike) -> int:
+    """Digits of coefficients of one fit beyond those of their standard errors, so that a person may copy them.
+
+    Correlated coefficients say more of the curve together than each of itself. Those rounded by their standard errors
+    alone would move the curve by many of its own (JCGM 100, 7.2.6). With these digits it moves by a tenth of its
+    standard error at most, root mean square, wherever that is: the sum of the variance inflation factors bounds it.
+
+    Args:
+        covariance: (k, k) of the coefficients, in any units.
+
+    Example:
+        >>> guard_digits([[1.0, 0.0], [0.0, 4.0]]), guard_digits([[1.0, 0.99999], [0.99999, 1.0]])
+        (0, 2)
+
+    """
+    of = np.asarray(covariance, np.float64)
+    known = np.diag(of) > 0.0
+    scale = np.sqrt(np.diag(of)[known])
+    inflation = float(np.trace(np.linalg.pinv(of[np.ix_(known, known)] / np.outer(scale, scale), hermitian=True)))
+    # A last place is a tenth of its standard error at most; what rounding adds is uniform within it.
+    moved = math.sqrt(max(inflation, 0.0) / 12.0) / 10.0 ** (DIGITS - 1)
+    return max(0, math.ceil(math.log10(moved / _SHIFT))) if moved > 0.0 else 0
 
 
 def _printed(number: Decimal, plain: bool) -> str:

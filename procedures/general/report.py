@@ -115,7 +115,7 @@ def _sensor(name: str, found: Mapping[str, Any], trace: TableTrace, outcome: Out
         "s": effects_part(found, {}),
         "plots": _plots(trace),
         "coefficients": [
-            {"name": term, "both": with_error(value["estimate"], value["stderr"], least=6)}
+            {"name": term, "both": with_error(value["estimate"], value["stderr"])}
             for term, value in found["fitted"]["coefficients"].items()
         ],
     }

@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.markup import escape
 
-from rig.fitter.rounding import with_error
+from rig.fitter.rounding import guard_digits, with_error
 from rig.fitter.trace.outcome import Outcome
 from rig.procedures.evaluate.before_after import compared
 from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, simulated_mark
@@ -49,15 +49,16 @@ def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
     """Coefficients with standard errors and degrees of freedom, and the underlying errors."""
     title = f"{escape(result['response'])} ~ {escape(result['formula'])}"
     yield _first(result["data"], file)
+    guard = guard_digits(result["calibration"]["covariance"])
     table = Grid(("term", "estimate", "standard error", "df"), title=title)
     for name, value in result["coefficients"].items():
-        table.add_row(escape(name), *with_error(value["estimate"], value["stderr"], least=8), number(value["df"], 4))
+        table.add_row(escape(name), *with_error(value["estimate"], value["stderr"], guard=guard), number(value["df"], 4))
     yield table
     if "model" in result:
         yield Line(f"  {escape(result['model']['title'])}; {escape(result['model']['source'])}", wrapped=True)
     for name, value in result.get("derived", {}).items():
         unit, meaning = f" {value['unit']}" if value["unit"] else "", value["meaning"]
-        estimate, stderr = with_error(value["estimate"], value["stderr"], least=8)
+        estimate, stderr = with_error(value["estimate"], value["stderr"])
         error = f" +- {stderr}" if value["stderr"] is not None else ""
         yield Line(f"  {escape(name):<16} {estimate}{error}{escape(unit)}  {escape(meaning)}")
     for key, what in (

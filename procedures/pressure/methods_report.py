@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rig.fitter.rounding import with_error
+from rig.fitter.rounding import guard_digits, with_error
 from rig.procedures.evaluate.results import Page
 from rig.procedures.present.numbers import number
 from rig.procedures.present.pictures import grid
@@ -51,6 +51,7 @@ def fit_page(
 
 def _transducer(name: str, result: Mapping[str, Any], fit: PressureFit, method: str) -> dict[str, Any]:
     methods = result["methods"]
+    guard = guard_digits(result["calibration"]["covariance"])
     pressures = next(iter(methods.values()))["reading_error"]["pressure_psia"]
     return {
         **result,
@@ -88,7 +89,7 @@ def _transducer(name: str, result: Mapping[str, Any], fit: PressureFit, method: 
         "rows": [
             {
                 "term": term,
-                "both": with_error(value["estimate"], value["stderr"], least=6),
+                "both": with_error(value["estimate"], value["stderr"], guard=guard),
                 "df": number(value["df"]),
                 "vif": number(result["variance_inflation"].get(term)),
                 "unit": value["unit"],

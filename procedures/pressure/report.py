@@ -130,7 +130,7 @@ def _transducer(
         "coefficients": [
             {
                 "name": term,
-                "both": with_error(value["estimate"], value["stderr"], least=6),
+                "both": with_error(value["estimate"], value["stderr"]),
                 "df": number(value["df"]),
             }
             for term, value in result["fitted"]["coefficients"].items()

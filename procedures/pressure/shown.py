@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
-from rig.fitter.rounding import with_error
+from rig.fitter.rounding import guard_digits, with_error
 from rig.procedures.evaluate.before_after import compared
 from rig.procedures.evaluate.fit_in_short import sensors_in_short
 from rig.procedures.present.blocks import Block, Grid, Line, headline
@@ -116,9 +116,10 @@ def _kept(sensor: Mapping[str, Any]) -> Grid:
     method = sensor["calibration"]["method"]
     title = f"calibration kept, by {method}"
     table = Grid(("term", "estimate", "standard error", "df", "VIF", "unit"), title=title)
+    guard = guard_digits(sensor["calibration"]["covariance"])
     for term, value in sensor["methods"][method]["coefficients"].items():
         inflation = sensor["variance_inflation"].get(term)
-        both = with_error(value["estimate"], value["stderr"], least=6)
+        both = with_error(value["estimate"], value["stderr"], guard=guard)
         numbers = (*both, number(value["df"]), number(inflation))
         table.add_row(escape(term), *numbers, value["unit"])
     return table

@@ -8,13 +8,14 @@ from decimal import Decimal
 from math import inf, nan
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command import rig
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.fitter.effects.sizes import amplitude, arcsec, each
-from rig.fitter.rounding import with_error
+from rig.fitter.rounding import guard_digits, with_error
 from rig.procedures.present.effects_shown import picture
 from rig.verbs.infer.result import infer
 
@@ -54,10 +55,49 @@ def test_the_error_says_how_many_digits(value, error, shown):
 
 
 def test_coefficients_that_are_copied_have_more():
-    assert with_error(-2.0874581, 0.353, least=8) == ("-2.0874581", "0.35")
-    assert with_error(3.0, 0.1, least=8) == ("3.00", "0.10")
-    assert with_error(0.0, 0.1, least=8) == ("0.00", "0.10")
-    assert with_error(1e9, 5.44e-4, least=8) == ("1000000000.00000", "0.00054")
+    assert with_error(-2.0874581, 0.353, guard=2) == ("-2.0875", "0.35")
+    assert with_error(123456.78, 1234.0, guard=3) == ("123456.8", "1234")
+    assert with_error(3.0, 0.1, guard=4) == ("3.00", "0.10")
+    assert with_error(0.0, 0.1, guard=4) == ("0.00", "0.10")
+    assert with_error(1e9, 5.44e-4, guard=0) == ("1000000000.00000", "0.00054")
+
+
+@pytest.mark.parametrize(("first", "last", "powers"), [(0.0, 1.0, 1), (900.0, 1000.0, 3), (-5.0, 5.0, 5), (0.0, 1e6, 2)])
+def test_digits_of_copied_coefficients_keep_the_curve_and_are_no_more_than_that_takes(first, last, powers):
+    seed = 20261129
+    print("seed", seed)
+    rng = np.random.default_rng(seed)
+    x = np.linspace(first, last, 41)
+    columns = x[:, None] ** np.arange(powers + 1)
+    root = np.linalg.pinv(columns)
+    covariance = root @ root.T
+    b, errors = root @ rng.normal(size=len(x)), np.sqrt(np.diag(covariance))
+    of_curve = np.sqrt(np.einsum("ij,jk,ik->i", columns, covariance, columns))
+
+    def moved(guard):
+        copied = np.array([float(with_error(*pair, guard=guard)[0]) for pair in zip(b, errors, strict=True)])
+        return float(np.max(np.abs(columns @ (copied - b)) / of_curve))
+
+    asked = guard_digits(covariance)
+    # The bound is a root mean square over all roundings: one of them may be three times as large.
+    assert moved(asked) < 0.3
+    # A last place is between a tenth and a hundredth of its error, and the bound is of the worst direction.
+    assert asked == 0 or moved(asked - 1) > 0.01
+
+
+def test_a_fit_of_large_abscissae_prints_what_may_be_copied(tmp_path):
+    seed = 7
+    print("seed", seed)
+    rng = np.random.default_rng(seed)
+    x = np.linspace(900.0, 1000.0, 21)
+    y = 2.0 - 0.3 * x + 2e-4 * x**2 - 1e-7 * x**3 + rng.normal(0.0, 1e-3, len(x))
+    (tmp_path / "t.csv").write_text("x,y\n" + "".join(f"{a:.6f},{b:.9f}\n" for a, b in zip(x, y, strict=True)))
+    done = rig("fit", "t.csv", "--response", "y", "--formula", "1 + x + x^2 + x^3", cwd=tmp_path)
+    shown = [float(value) for value in re.findall(r"^│ (?:1|x|x\^[23]) +│ +(\S+) +│", done.stdout, re.MULTILINE)]
+    columns = x[:, None] ** np.arange(4)
+    best = columns @ (np.linalg.pinv(columns / columns[-1]) @ y / columns[-1])
+    assert len(shown) == 4, done.stdout
+    assert np.max(np.abs(columns @ shown - best)) < 3e-4
 
 
 def test_a_change_has_its_sign():
@@ -65,9 +105,9 @@ def test_a_change_has_its_sign():
     assert with_error(-2.0, 0.1, sign=True) == ("-2.00", "0.10")
 
 
-@given(st.floats(-1e18, 1e18), st.floats(1e-18, 1e18), st.sampled_from([0, 6, 8]))
-def test_both_are_within_half_of_the_last_place(value, error, least):
-    shown = [Decimal(text) for text in with_error(value, error, least=least)]
+@given(st.floats(-1e18, 1e18), st.floats(1e-18, 1e18), st.sampled_from([0, 2, 8]))
+def test_both_are_within_half_of_the_last_place(value, error, guard):
+    shown = [Decimal(text) for text in with_error(value, error, guard=guard)]
     assert abs(shown[1] - Decimal(repr(error))) <= Decimal("0.05") * Decimal(repr(error))
     half = max(Decimal("0.05") * Decimal(repr(error)), abs(Decimal(repr(value))) * Decimal("1e-16"))
     assert abs(shown[0] - Decimal(repr(value))) <= half
