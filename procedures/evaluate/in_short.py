@@ -10,7 +10,10 @@ from rich.markup import escape
 from rig.fitter.trace.outcome import OF_METHOD
 from rig.procedures.evaluate.front import firsts
 from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, headline
-from rig.procedures.present.words import chance, constants_of, instead, share, unnamed
+from rig.procedures.present.words import chance, constants_of, instead, share, size_of, unnamed
+
+_CROWD = 4
+"""Doubtful names that one shape may replace, from which on the shape is told first, and the names in one line."""
 
 if TYPE_CHECKING:
     from rig.fitter.trace.outcome import Outcome
@@ -27,9 +30,14 @@ def in_short(traced: Traced) -> Iterator[Block]:
         yield Line(f"[red]{escape(name)} is left out:[/] it {escape(why)}")
     sensors = told["sensors"]
     yield _errors(traced.outcomes)
+    yield from _crowds(sensors)
     yield from _effects(sensors)
     for name, sensor in sensors.items():
-        rest = [*unnamed(sensor), instead(sensor), *(one["sentence"] for one in sensor.get("refused") or ())]
+        rest = [
+            *unnamed(sensor),
+            "" if _crowd(sensor) else instead(sensor),
+            *(one["sentence"] for one in sensor.get("refused") or ()),
+        ]
         yield from (Paragraph(f"[yellow]{escape(name)}: {escape(text)}[/]", 2) for text in rest if text)
     for shared in told.get("common", ()):
         yield Paragraph(escape(shared["sentence"]), 2)
@@ -65,11 +73,33 @@ def _errors(outcomes: Sequence[Outcome]) -> Grid:
     return grid
 
 
+def _crowd(sensor: Mapping[str, Any]) -> Sequence[str]:
+    """Many doubtful names in whose place one shape without a name may stand; () of few."""
+    names: Sequence[str] = (sensor.get("instead") or {}).get("effects", ())
+    return names if len(names) >= _CROWD else ()
+
+
+def _crowds(sensors: Mapping[str, Any]) -> Iterator[Block]:
+    """The shape in place of many doubtful names: that a part of the model is missing is sure, its names are not."""
+    for name, sensor in sensors.items():
+        if names := _crowd(sensor):
+            one = sensor["instead"]
+            text = (
+                f"no name is sure: one shape {one['where']}, {size_of(one['shape'])} rms, takes as much as "
+                f"{len(names)} names together, which are all doubtful: {', '.join(names)} (--full). A curve that "
+                f"the declared model lacks looks like this: please choose a model that follows it"
+            )
+            yield Paragraph(f"[yellow]{escape(name)}: {escape(text)}[/]", 2)
+
+
 def _effects(sensors: Mapping[str, Any]) -> Iterator[Block]:
     """Every effect once, with its cause; below it its size in each sensor that has it."""
     found: dict[str, list[tuple[str, Any]]] = {}
     for name, sensor in sensors.items():
+        crowd = _crowd(sensor)
         for effect in sensor["effects"]:
+            if effect["effect"] in crowd:
+                continue
             found.setdefault(effect["effect"], []).append((name, effect))
     for effect, every in found.items():
         aliases = [" or ".join(one["aliases"]) for _, one in every]
@@ -91,8 +121,9 @@ def _or(others: str) -> str:
 
 
 def _next(sensor: Mapping[str, Any]) -> Iterator[str]:
+    crowd = _crowd(sensor)
     for effect in sensor["effects"]:
-        if effect["stratum"] != "noise" and effect["separate_by"]:
+        if effect["stratum"] != "noise" and effect["separate_by"] and effect["effect"] not in crowd:
             measure = str(effect["separate_by"]).split("; ")[0]  # without how much it would show in this sensor
             others = ", ".join(effect["aliases"])
             what = f"tell {effect['effect']} from {others}" if others else f"confirm {effect['effect']}"

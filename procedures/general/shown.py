@@ -52,7 +52,9 @@ def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
     guard = guard_digits(result["calibration"]["covariance"])
     table = Grid(("term", "estimate", "standard error", "df"), title=title)
     for name, value in result["coefficients"].items():
-        table.add_row(escape(name), *with_error(value["estimate"], value["stderr"], guard=guard), number(value["df"], 4))
+        table.add_row(
+            escape(name), *with_error(value["estimate"], value["stderr"], guard=guard), number(value["df"], 4)
+        )
     yield table
     if "model" in result:
         yield Line(f"  {escape(result['model']['title'])}; {escape(result['model']['source'])}", wrapped=True)

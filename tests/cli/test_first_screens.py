@@ -128,3 +128,19 @@ def test_no_secret_is_shown():
     with pytest.raises(ConfigurationError) as found:
         parse_people("[people.anna]\nname = very-secret\n", "people.toml")
     assert "very-secret" not in str(found.value)
+
+
+def test_one_smooth_peak_is_told_as_one_shape_and_not_as_many_names(tmp_path: Path) -> None:
+    seed = 3
+    print("seed", seed)
+    x = np.linspace(380.0, 780.0, 61)
+    y = 5.0 * np.exp(-(((x - 560.0) / 45.0) ** 2)) + np.random.default_rng(seed).normal(0.0, 0.01, len(x))
+    (tmp_path / "peak.csv").write_text("wave_nm,y\n" + "".join(f"{a:.4f},{b:.6f}\n" for a, b in zip(x, y, strict=True)))
+    done = rig("trace", "peak.csv", "--response", "y", "--formula", "1 + wave_nm", cwd=tmp_path)
+    first = done.stdout.partition("┘")[2]
+    assert first.lstrip().startswith("y: no name is sure: one shape over wave_nm"), done.stdout
+    assert "to confirm" not in first
+    assert (
+        "doubtful: "
+        in rig("trace", "peak.csv", "--response", "y", "--formula", "1 + wave_nm", "--full", cwd=tmp_path).stdout
+    )

@@ -62,7 +62,9 @@ def test_coefficients_that_are_copied_have_more():
     assert with_error(1e9, 5.44e-4, guard=0) == ("1000000000.00000", "0.00054")
 
 
-@pytest.mark.parametrize(("first", "last", "powers"), [(0.0, 1.0, 1), (900.0, 1000.0, 3), (-5.0, 5.0, 5), (0.0, 1e6, 2)])
+@pytest.mark.parametrize(
+    ("first", "last", "powers"), [(0.0, 1.0, 1), (900.0, 1000.0, 3), (-5.0, 5.0, 5), (0.0, 1e6, 2)]
+)
 def test_digits_of_copied_coefficients_keep_the_curve_and_are_no_more_than_that_takes(first, last, powers):
     seed = 20261129
     print("seed", seed)
