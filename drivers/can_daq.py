@@ -15,8 +15,9 @@ from cantools.database.can import Database, Message
 from cantools.database.errors import DecodeError, Error
 from pydantic import BaseModel, Field, field_validator, model_validator
 
+from rig.contracts.declared.dbc import find_signal, frame_name, read_dbc
 from rig.drivers.clock import Clock
-from rig.drivers.dbc import Series, Values, find_signal, frame_name, read_dbc
+from rig.drivers.dbc import Series, Values
 from rig.drivers.driver import ContractFile, Medium
 from rig.drivers.errors import BadReply, LimitError, NoReply, NotReady, WrongInstrument
 from rig.drivers.roles import Identity

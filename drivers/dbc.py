@@ -3,46 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 
-from cantools.database import load_string
-from cantools.database.can import Database, Message, Signal
-from cantools.database.errors import Error
+from cantools.database.can import Message
 
+from rig.contracts.declared.dbc import Place
 from rig.drivers.roles import OVERLOAD
 
 Values = Mapping[str, float]
 """Values of a frame's signals."""
-
-Place = tuple[Message, Signal]
-"""Place of a number: message and signal."""
-
-
-@lru_cache(maxsize=16)  # a bench is checked and opened with the same text, and parsing takes 20 ms
-def read_dbc(text: str) -> Database:
-    """The messages of a DBC file. Raises `ValueError` if it cannot be read."""
-    try:
-        database = load_string(text, "dbc")
-    except (Error, ValueError) as error:
-        raise ValueError(f"the DBC cannot be read: {error}") from error
-    if not isinstance(database, Database) or not database.messages:
-        raise ValueError("the DBC describes no messages")
-    return database
-
-
-def find_signal(database: Database, label: str, path: str) -> Place:
-    """The signal at MESSAGE.SIGNAL. Raises `ValueError` with the existing ones."""
-    name, *_ = path.partition(".")
-    places = {f"{m.name}.{s.name}": (m, s) for m in database.messages for s in m.signals}
-    if path not in places:
-        inside = [known for known in places if known.startswith(f"{name}.")]
-        raise ValueError(f"{label} = {path!r} is not in the DBC; it has {', '.join(inside or places)}")
-    return places[path]
-
-
-def frame_name(message: Message) -> str:
-    """Identifier and name of a message, as on a bus monitor."""
-    return f"{message.frame_id:03X}h ({message.name})"
 
 
 class Series:

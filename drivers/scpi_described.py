@@ -11,7 +11,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from rig.contracts.declared.exchanges import Ask, Check, Tell
-from rig.contracts.declared.instrument import Errors, Identity, Instrument, Mark, Wire
+from rig.contracts.declared.instrument import Instrument, Mark
+from rig.contracts.declared.units import same_unit
+from rig.contracts.declared.wire import Errors, Identity, Wire
 from rig.drivers import roles
 from rig.drivers.declared.base import Remembering
 from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
@@ -20,7 +22,7 @@ from rig.drivers.driver import Medium
 from rig.drivers.errors import WrongInstrument
 from rig.drivers.numbers import decimal
 from rig.drivers.scpi import PREPARED
-from rig.drivers.scpi_learned import is_unit, same_unit, unit_after
+from rig.drivers.scpi_learned import is_unit, unit_after
 from rig.drivers.scpi_options import ScpiOptions
 from rig.drivers.wires import Wires
 

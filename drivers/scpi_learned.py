@@ -11,23 +11,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
+from rig.contracts.declared.units import ALIKE
+
 _NR3 = re.compile(r"([+-]?)([0-9]*\.?[0-9]*[Ee][+-]?[0-9]+)")
 _DECIMAL = re.compile(r"([+-]?)([0-9]*)(\.?)([0-9]*)")
 _FEWEST = 5
 """Readings of one form, at least, before another one is refused."""
 _NO_FORM, _OR = "any", " or "
-_ALIKE: Mapping[str, frozenset[str]] = {
-    "degC": frozenset({"C", "CEL", "DEGC", "DEG C"}),
-    "degF": frozenset({"F", "FAR", "DEGF", "DEG F"}),
-    "K": frozenset({"K", "KEL"}),
-    "V": frozenset({"V", "VDC", "V DC", "VAC", "V AC", "VOLT", "VOLTS"}),
-    "A": frozenset({"A", "ADC", "A DC", "AAC", "A AC", "AMP", "AMPS"}),
-    "ohm": frozenset({"OHM", "OHMS", "OHM4W"}),
-    "Hz": frozenset({"HZ"}),
-    "s": frozenset({"S", "SEC", "SECS"}),
-}
-"""Ways in which instruments print a unit."""
-
 _OTHERS = re.compile(r"[pnumkMG]?(V|A|OHMS?|HZ|PA|BAR|PSI|N|G|M)( ?[AD]C)?", re.IGNORECASE)
 _WITH_UNIT = re.compile(r"([+-]?[0-9.]+(?:[Ee][+-]?[0-9]+)?) *([A-Za-z%][A-Za-z0-9%/ ]*)")
 
@@ -38,15 +28,9 @@ def unit_after(text: str) -> tuple[str, str]:
     return (found[1], found[2].rstrip()) if found else (text, "")
 
 
-def same_unit(printed: str, declared: str) -> bool:
-    """Whether a unit that an instrument prints is the declared one, as at the end of column names."""
-    plain = "_per_".join(part.strip() for part in printed.split("/"))
-    return plain == declared or plain.upper() in _ALIKE.get(declared, ())
-
-
 def is_unit(printed: str) -> bool:
     """Whether a text is known as a unit of anything."""
-    return bool(_OTHERS.fullmatch(printed)) or any(printed.upper() in names for names in _ALIKE.values())
+    return bool(_OTHERS.fullmatch(printed)) or any(printed.upper() in names for names in ALIKE.values())
 
 
 class PrintedForm:

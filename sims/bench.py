@@ -112,7 +112,8 @@ class SimBench:
 
     def _can(self, address: str) -> CanCable:
         name = self._at(address)
-        return CanCable(self.world, self._twins[name].on_frame, self.wire(name))
+        twin = self._twins[name]
+        return CanCable(self.world, twin.on_frame, self.wire(name), getattr(twin, "connected", None))
 
     def _at(self, address: str) -> str:
         key, _, name = address.removeprefix("sim://").partition("/")

@@ -205,7 +205,8 @@ def _open(
             return {n: f"{scheme}://{port.address}/{unit}" for n, unit in units.items()}
         case "can":
             bus = on_one_bus(*(twin.on_frame for twin in twins.values()))
-            adapter = PseudoTerminal(selector, on_tape(SlcanAdapter(bus).on_rx))
+            unasked = [twin.connected for twin in twins.values() if hasattr(twin, "connected")]
+            adapter = PseudoTerminal(selector, on_tape(SlcanAdapter(bus, unasked).on_rx))
             ports.append(adapter)
             return dict.fromkeys(addresses, f"can:slcan/{adapter.address}")
         case kind:

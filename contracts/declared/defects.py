@@ -19,6 +19,7 @@ WHERE = {
     "safe": "a safe state: off with output, or safe_value; in the manual: output, standby, control on and off, vent",
     "settled": "how it has arrived: settled, or read with tolerance, or dwell_s; in the manual: status, stability",
     "register": "number of the register; in the manual: Modbus parameters, address",
+    "dbc": "name of its DBC, a file beside this one; in the manual: CAN matrix, messages and signals",
 }
 """Required keys: their meaning, and where a manual has it."""
 
@@ -46,7 +47,7 @@ def wrong_forms(place: str, one: Ask | Tell, line: str | None, parameters: Mappi
     """Lines and answers of a question or a command that are no forms."""
     known = {"value", "count", "channel", "mark", *parameters}
     try:
-        for name in Form(line or "").fields:
+        for name in (*Form(line or "").fields, *Form(getattr(one, "request", None) or "").fields):
             if name not in known:
                 yield f"{place}: {{{name}}} is no parameter; parameters are {', '.join(parameters) or 'none'}"
         if place == "source.set" and line is not None and isinstance(one, Tell) and "value" not in Form(line).fields:

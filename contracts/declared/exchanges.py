@@ -49,7 +49,12 @@ class Register(Strict):
 class Ask(Register):
     """A question and its answer. A text alone is a question whose answer is a number."""
 
-    ask: str | None = Field(None, description="the line of a question; {channel} and parameters are filled in")
+    ask: str | None = Field(
+        None,
+        description="the line of a question; {channel} and parameters are filled in; can: a signal, MESSAGE.SIGNAL",
+    )
+    request: str | None = Field(None, description="can: what is sent to get it, written as a command")
+    status: str | None = Field(None, description="can: signal whose words say whether it counts")
     answer: Texts = Field((), description="forms of its answer; left out: `{value}`, or `{state}` if it has words")
     words: dict[str, str] = Field(
         {}, description="words, or numbers, in its answer: stable, unstable, busy, overload, error, on, off or vent"
@@ -91,8 +96,14 @@ class Check(Ask):
 class Tell(Register):
     """A command. A text alone is a command without an answer."""
 
-    tell: str | None = Field(None, description="the line; {value}, {count}, {channel} and parameters are filled in")
-    answer: Texts = Field((), description="forms of its acknowledgement; left out: there is none")
+    tell: str | None = Field(
+        None,
+        description="the line; {value}, {count}, {channel} and parameters are filled in; "
+        "can: `MESSAGE: SIGNAL = {value}, SIGNAL = 1`",
+    )
+    answer: Texts = Field(
+        (), description="forms of its acknowledgement; left out: there is none; can: `MESSAGE.SIGNAL = 1`"
+    )
     value: float | None = Field(None, description="number that is written to the register")
     wait_s: float = Field(0.0, ge=0, le=600, description="time that it takes: nothing is sent meanwhile")
 

@@ -15,63 +15,11 @@ from rig.contracts.declared.defects import WHERE, said, unknown_fields, unknown_
 from rig.contracts.declared.exchanges import Ask, Check, Strict, Tell, Tells, Texts
 from rig.contracts.declared.forms import Form
 from rig.contracts.declared.hooks import Function, hooks
+from rig.contracts.declared.wire import Errors, Identity, Wire
 
-Frame = Literal["7E1", "7E2", "7O1", "7O2", "8N1", "8N2", "8E1", "8O1"]
 Unit = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9]*(_per_[A-Za-z][A-Za-z0-9]*)?$")]
-Number = Literal["int16", "uint16", "int32", "uint32", "float32"]
 Tried = Literal["twin only", "foreign client", "foreign simulator", "on hardware"]
 Treated = Literal["accept", "wait", "refuse"]
-Sum = Literal["", "sum", "xor", "negative sum"]
-
-
-class Wire(Strict):
-    """How it is connected, and what holds for every line."""
-
-    protocol: Literal["text", "modbus", "stream"] = Field(
-        "text", description="text: lines with an answer; modbus: registers; stream: it talks by itself"
-    )
-    baud: int = Field(9600, ge=300, le=921600, description="symbols per second of a serial line")
-    frame: Frame = Field("8N1", description="data bits, parity, stop bits")
-    flow: Literal["none", "rtscts", "xonxoff", "dsrdtr"] = Field("none", description="flow control of a serial line")
-    send_end: str = Field("\n", min_length=1, max_length=4, description="end of a line that is sent")
-    reply_end: str = Field("", max_length=4, description="end of an answer; left out: as send_end")
-    timeout_s: float = Field(2.0, ge=0.05, le=60, description="longest wait for an answer")
-    pace_s: float = Field(0.0, ge=0, le=10, description="shortest time from one line to the next")
-    echo: bool = Field(False, description="it sends every line back before its answer")
-    preamble: tuple[str, ...] = Field(
-        (), description="lines before all others, and whenever another instrument has used the wire: `++addr 9`"
-    )
-    request: str = Field("{line}", description="a whole line that is sent: {line}, parameters, {checksum}")
-    reply: str = Field("{line}", description="a whole answer; parameters in it have to be right, so has {checksum}")
-    checksum: Sum = Field("", description="of all characters before it, as two hexadecimal digits")
-    type: Number = Field("int16", description="type of most registers")
-    word_order: Literal["big", "little"] = Field("big", description="which word of two is first: the high one is big")
-    first_register: int = Field(0, ge=0, le=1, description="number that the manual gives to register 0 of the protocol")
-    period_s: float = Field(1.0, gt=0, le=3600, description="stream: time from one line to the next")
-    skip: Texts = Field((), description="stream: forms of its other lines, which are passed over, such as `# {}`")
-
-
-class Identity(Ask):
-    """Who it is. {maker} and {model} in its answer have to be the declared ones; {serial} and {firmware} are kept."""
-
-    is_: float | str | None = Field(None, alias="is", description="of a register: its right number")
-
-    @property
-    def forms(self) -> tuple[str, ...]:
-        """Forms of its answer."""
-        return self.answer or ("{maker},{model},{serial},{firmware}",)
-
-
-class Errors(Strict):
-    """How it says that it refuses. Without this table it never does."""
-
-    ask: str | None = Field(None, description="question for an error, asked after every command")
-    answer: Texts = Field(("{code},{text}",), description="forms of its answer: {code} and {text}")
-    none: str = Field("0", description="the {code} without an error")
-    queue: bool = Field(True, description="it is asked again until there is no error")
-    bits: dict[str, str] = Field({}, description="errors by number of their bit in {code}, which is then a mask")
-    replies: Texts = Field((), description="forms of answers to anything that mean an error: `ES`, `E{code}`")
-    codes: dict[str, str] = Field({}, description="meaning of each {code}")
 
 
 class Mark(Strict):
@@ -241,6 +189,16 @@ class Instrument(Strict):
         return self.wire.protocol == "modbus"
 
     @property
+    def can(self) -> bool:
+        """Whether it has messages, not lines."""
+        return self.wire.protocol == "can"
+
+    @property
+    def lines(self) -> bool:
+        """Whether it has lines of text, on a serial line of its own."""
+        return not (self.modbus or self.can or self.bridge)
+
+    @property
     def remembers(self) -> bool:
         """Whether it is known that its power was off."""
         return self.mark is not None or bool(self.check and self.prepare)
@@ -261,6 +219,10 @@ class Instrument(Strict):
 
     def _step(self, ask: Ask) -> float:
         """Step of the number in an answer; 0 if it is finer than any."""
+        if self.can:
+            from rig.contracts.declared.dbc import find_signal, read_dbc, step_of  # noqa: PLC0415 - see _of_messages
+
+            return abs(ask.scale) * step_of(find_signal(read_dbc(self.wire.dbc), "", ask.ask or "")[1])
         if self.modbus:
             return 0.0 if (ask.type or self.wire.type) == "float32" else abs(ask.scale)
         fields = [field for form in ask.forms for field in Form(form).fields.values() if field.name != "mark"]
@@ -335,11 +297,12 @@ class Instrument(Strict):
                 yield f"source has no safe state: {WHERE['safe']}"
 
     def _wrong(self) -> Iterator[str]:
-        if self.hook and (self.modbus or self.bridge):
-            yield "hook is for lines of text, which neither registers nor a bridge have"
+        if self.hook and not self.lines:
+            yield "hook is for lines of text, which neither registers nor messages nor a bridge have"
         if self.source is not None:
             yield from _of_source(self.source)
         key, other = ("register", "a line of text") if self.modbus else ("line of text", "a register")
+        key = "signal or message" if self.can else key
         every: list[tuple[str, Ask | Tell]] = [*self.asks(), *self.tells()]
         for place, one in every:
             line = one.ask if isinstance(one, Ask) else one.tell
@@ -351,11 +314,70 @@ class Instrument(Strict):
             yield from wrong_forms(place, one, line, self.parameters)
             if isinstance(one, Ask):
                 yield from unknown_words(f"{place}.words", one.words)
+        if self.can:
+            yield from _of_messages(self)
         yield from unknown_words("words", self.words)
         yield from unknown_fields(self.wire.skip)
         for place, form in (("request", self.wire.request), ("reply", self.wire.reply)):
             if "{line}" not in form:
                 yield f"wire.{place} = {form!r} lacks {{line}}"
+
+
+_OF_LINES = frozenset(
+    ("baud", "frame", "flow", "send_end", "reply_end", "echo", "preamble", "request", "reply", "checksum", "skip")
+)
+"""Keys of the wire that messages do not have."""
+
+
+def _of_messages(table: Instrument) -> Iterator[str]:
+    """Where a file with CAN messages does not fit its DBC."""
+    from rig.contracts.declared.dbc import read_dbc, wrong_messages  # noqa: PLC0415 - 0.2 s, and few benches have a bus
+
+    wire, reader, source = table.wire, table.reader, table.source
+    if foreign := sorted(_OF_LINES & wire.model_fields_set):
+        yield f"wire: {', '.join(foreign)} belong to lines of text, not to messages"
+    units: dict[str, str | None] = {}
+    if reader is not None:
+        units["reader.reading"] = reader.unit
+        units |= {f"reader.channels.{name}.reading": one.unit or reader.unit for name, one in reader.channels.items()}
+        if any(one.reading is None for one in reader.channels.values()):
+            yield "reader.channels: each channel needs a reading of its own, its signal"
+        if reader.fetch is not None or reader.start:
+            yield "reader.start and reader.fetch are for lines of text; a signal that has to be asked for has a request"
+    if source is not None:
+        units |= dict.fromkeys(("source.set", "source.setpoint", "source.read"), source.unit)
+    if not wire.dbc:
+        yield f"wire.dbc is missing: {WHERE['dbc']}"
+        return
+    if "\n" not in wire.dbc:
+        yield f"wire.dbc = {wire.dbc!r} was not read: it has to be a DBC file beside this one"
+        return
+    try:
+        database = read_dbc(wire.dbc)
+    except ValueError as error:
+        yield f"wire.dbc: {error}"
+        return
+    asks, tells = list(table.asks()), list(table.tells())
+    if table.errors.ask is not None:
+        asks.append(("errors", Ask(ask=table.errors.ask)))
+    known = {one.name for one in database.messages}
+    yield from (f"wire.cyclic: the DBC has no message {one!r}" for one in wire.cyclic if one not in known)
+    if wire.counter and not any(wire.counter == signal.name for one in database.messages for signal in one.signals):
+        yield f"wire.counter: no message of the DBC has a signal {wire.counter!r}"
+    declared = {place: unit for place, unit in units.items() if unit is not None}
+    yield from wrong_messages(database, asks, tells, declared, table.units, table.words)
+
+
+def _with_steps(table: Instrument) -> Instrument:
+    """A file with CAN messages, with the readback that the steps of its DBC allow."""
+    source = table.source
+    if source is None or source.readback is not None or source.setpoint is None:
+        return table
+    from rig.contracts.declared.dbc import read_dbc, step_of_value  # noqa: PLC0415
+
+    step = max(source.step, *(step_of_value(read_dbc(table.wire.dbc), one) for one in source.set))
+    readback = (step + table._step(source.setpoint)) * 0.5000001
+    return table.model_copy(update={"source": source.model_copy(update={"readback": readback or None})})
 
 
 def _of_source(source: Source) -> Iterator[str]:
@@ -379,6 +401,7 @@ def parse(text: str) -> Instrument:
     """The instrument of a file's text, TOML or JSON. Raises `ValueError` with all that is wrong."""
     values: dict[str, Any] = json.loads(text) if text.startswith("{") else tomllib.loads(text)
     try:
-        return Instrument.model_validate(values)
+        found = Instrument.model_validate(values)
+        return _with_steps(found) if found.can else found
     except ValidationError as error:
         raise ValueError("; ".join(said(one) for one in error.errors())) from None

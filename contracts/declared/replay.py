@@ -42,6 +42,11 @@ def _line(one: Ask | Tell) -> str | None:
 
 def replayed(table: Instrument) -> Iterator[str]:
     """Examples of a file that it does not understand itself, as sentences."""
+    if table.can:
+        from rig.contracts.declared.dbc import read_dbc, wrong_examples  # noqa: PLC0415 - few benches have a bus
+
+        yield from wrong_examples(read_dbc(table.wire.dbc), table.examples)
+        return
     for question, answer in table.examples:
         if question == table.errors.ask:
             if not _fits(table, table.errors.answer, answer):

@@ -32,7 +32,7 @@ def options_of(table: Instrument) -> type[Any]:
     """The options of an instrument in a bench file: its wire, its parameters, limits within its own."""
     fields: dict[str, Any] = {}
     wire = table.wire
-    if not (table.modbus or table.bridge):
+    if table.lines:
         fields["baud"] = (int, Field(wire.baud, ge=300, le=921600, description="symbols per second"))
         fields["frame"] = (Frame, Field(wire.frame, description="data bits, parity, stop bits"))
         fields["flow"] = (Flow, Field(wire.flow, description="flow control: none, rtscts, xonxoff or dsrdtr"))
@@ -50,7 +50,7 @@ def options_of(table: Instrument) -> type[Any]:
             fields[name] = (float | None, described)
         for name in ("tolerance", "dwell_s", "time_constant_s"):
             fields[name] = (float | None, Field(getattr(source, name), ge=0.0, description=f"{name} of this one"))
-    base: Any = _Options if not (table.modbus or table.bridge) else _Plain
+    base: Any = _Options if table.lines else _Plain
     made: type[Any] = create_model("Options", __base__=base, **fields)
     return made
 
@@ -71,7 +71,7 @@ def driver_of(text: str) -> type[Declared]:
     constant = table.source.time_constant_s if table.source is not None else None
     members: dict[str, Any] = {
         "table": table,
-        "wire": "modbus" if table.modbus else "bridge" if table.bridge else "serial",
+        "wire": "bridge" if table.bridge else "serial" if table.lines else table.wire.protocol,
         "coarse": table.coarse,
         "shares": table.bridge.startswith("secop:")
         or bool(table.wire.preamble)

@@ -176,6 +176,10 @@ def _talk(table: Instrument, name: str, address: str, options: Any, wires: Wires
 
         return ModbusTalk(table, name, address, wires, clock)
     parameters = {key: getattr(options, key) for key in table.parameters}
+    if table.can:
+        from rig.drivers.declared.can import CanTalk  # noqa: PLC0415
+
+        return CanTalk(table, name, address, parameters, wires, clock)
     if table.bridge:
         from rig.drivers.declared.bridged import BridgedTalk  # noqa: PLC0415
 

@@ -132,6 +132,7 @@ class DeclaredReader(Declared):
             found = self._taken(self._reader.reading, {})
             return {name: self._read(self._reader.reading, one, found) for name, one in self._channels.items()}
         readings = {}
+        self._talk.sweep()
         for name, one in self._channels.items():
             ask = one.reading or self._reader.reading
             assert ask is not None
@@ -183,7 +184,7 @@ class DeclaredReader(Declared):
         return self._value(found.fields.get(ask.field, ""), found.value)
 
     def _value(self, printed: str, value: float) -> tuple[str, float]:
-        if self.table.modbus or self.table.bridge:  # no digit is lost on the way, and numbers have no form
+        if not self.table.lines:  # no digit is lost on the way, and numbers have no form
             printed = ""
         if abs(value) >= self._reader.overload:
             return printed, OVERLOAD if value > 0 else -OVERLOAD

@@ -61,6 +61,8 @@ class DeclaredSource(Declared):
             raise NotReady(f"{self._where} has been switched off since it was prepared, and is not switched on")
         self._talk.forget_errors()
         self._near_since, self._set_at = None, self._clock.now()
+        if self.table.can and self._told is None and self._source.on and self._state() == "on":  # by an earlier session
+            self._talk.assume(self._source.on)
         try:
             self._command(value)
             if self._source.on and self._state() != "on":

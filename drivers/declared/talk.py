@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Tell
@@ -71,8 +71,14 @@ class Talk(ABC):
     def forget_errors(self) -> None:  # noqa: B027
         """Forget errors that are nobody's."""
 
+    def assume(self, tells: Sequence[Tell]) -> None:  # noqa: B027
+        """Take commands as sent, whose effect was read: messages repeat what was sent last."""
+
     def renew(self) -> None:  # noqa: B027
         """Begin anew: the instrument may have been off."""
+
+    def sweep(self) -> None:  # noqa: B027
+        """A sweep over all channels begins: one message may have readings of several."""
 
     def drain(self) -> None:  # noqa: B027
         """Listen until it is silent."""

@@ -10,13 +10,14 @@ from typing import NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.forms import TEXTS, Form
-from rig.contracts.declared.instrument import Instrument, Wire
+from rig.contracts.declared.instrument import Instrument
 from rig.contracts.declared.sums import checksum
+from rig.contracts.declared.units import same_unit
+from rig.contracts.declared.wire import Wire
 from rig.drivers.clock import Clock
 from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
 from rig.drivers.errors import BadReply, InstrumentError, NoReply
 from rig.drivers.scpi import agrees, forget_errors
-from rig.drivers.scpi_learned import same_unit
 from rig.drivers.wires import SerialSettings, Wires
 from rig.drivers.wires.line import Line
 from rig.drivers.wires.serial_options import Flow

@@ -64,6 +64,10 @@ class CanLine:
         """Send a frame; raises `Unreachable`."""
         self._on_bus(self._bus.network.send_message, can_id, data)
 
+    def repeat(self, can_id: int, data: bytes, seconds: float) -> None:
+        """Send a frame now and every so many bench seconds, in place of an earlier one; raises `Unreachable`."""
+        self._on_bus(self._bus.repeat, can_id, data, seconds)
+
     def pump(self, seconds: float) -> bool:
         """Receive one frame of any identifier, waiting at most this many bench seconds; returns whether one came."""
         return self._on_bus(self._bus.pump, seconds)

@@ -14,6 +14,7 @@ from typing import NoReturn
 import can
 import canopen
 
+from rig.contracts.declared.frames import packed
 from rig.drivers.clock import Clock
 from rig.drivers.errors import BadReply, Unreachable
 from rig.drivers.wires.addresses import CanAddress
@@ -45,6 +46,7 @@ class CanBus:
         self._open = opener or partial(BusTransport, address)
         self._log: Callable[[str, bytes], None] = _unlogged
         self._newest = 0
+        self._repeated: dict[int, tuple[bytes, float]] = {}
         self._transport: CanTransport | None = self._opened(f"{address.interface} {address.channel}")
 
     def begin(self, where: str, log: Callable[[str, bytes], None]) -> None:
@@ -52,6 +54,16 @@ class CanBus:
         self._log = log
         if self._transport is None:
             self._transport = self._opened(where)
+            for can_id, (data, seconds) in self._repeated.items():  # the instrument still wants them
+                self.repeat(can_id, data, seconds)
+
+    def repeat(self, can_id: int, data: bytes, seconds: float) -> None:
+        """Send a frame now and every so many bench seconds from now on, in place of an earlier one."""
+        assert self._transport is not None
+        self._log("tx", packed(can_id, data))
+        self._repeated[can_id] = data, seconds
+        clock = self.clock
+        self._transport.repeat(can_id, data, clock.timeout(seconds) - clock.timeout(0.0))
 
     def pump(self, seconds: float) -> bool:
         """Receive one frame and give it to its listeners, waiting at most this many bench seconds; returns whether one
@@ -63,7 +75,7 @@ class CanBus:
             return False
         can_id, data = frame
         self._newest = can_id
-        self._log("rx", _on_wire(can_id, data))
+        self._log("rx", packed(can_id, data))
         self.network.notify(can_id, bytearray(data), 0.0)
         return True
 
@@ -79,11 +91,15 @@ class CanBus:
 
     def lost(self, where: str, error: Exception) -> NoReturn:
         """Give up the bus; it opens again at its next use."""
-        self.close()
+        self._released()
         raise Unreachable(f"{where} was lost ({error}); check cable, termination and power") from error
 
     def close(self) -> None:
         """Release the bus; idempotent."""
+        self._repeated.clear()
+        self._released()
+
+    def _released(self) -> None:
         transport, self._transport = self._transport, None
         if transport is not None:
             with contextlib.suppress(*BUS_ERRORS):  # an error while closing does not matter
@@ -91,7 +107,7 @@ class CanBus:
 
     def _send(self, can_id: int, data: bytes) -> None:
         assert self._transport is not None
-        self._log("tx", _on_wire(can_id, data))
+        self._log("tx", packed(can_id, data))
         self._transport.send(can_id, data)
 
     def _opened(self, where: str) -> CanTransport:
@@ -113,10 +129,6 @@ class _Network(canopen.Network):
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         self._send(can_id, bytes(data))
-
-
-def _on_wire(can_id: int, data: bytes) -> bytes:
-    return can_id.to_bytes(2, "big") + data
 
 
 def _unlogged(direction: str, data: bytes) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 
 from rig.bench.config import BenchConfig, parse_bench, read_text
 from rig.bench.plugins import driver_class, drivers, is_file
+from rig.contracts.declared.beside import with_dbc
 from rig.contracts.declared.hooks import placed
 from rig.errors import ConfigurationError
 
@@ -67,11 +68,17 @@ def files_beside(config: BenchConfig, bench: Path) -> dict[str, str]:
 
 
 def with_hook(text: str, path: Path) -> str:
-    """The text of an instrument's file, with its hook by place and SHA-256. Raises `ConfigurationError`."""
+    """The text of an instrument's file, with its hook by place and SHA-256, and with its DBC.
+
+    Raises:
+        ConfigurationError: one of them cannot be read.
+    """
     try:
-        return placed(text, path.parent)
+        return with_dbc(placed(text, path.parent), lambda name: (path.parent / name).read_bytes())
     except OSError as error:
-        raise ConfigurationError(f"{path}: its hook {error.filename} cannot be read: {error.strerror}") from None
+        raise ConfigurationError(
+            f"{path}: {error.filename} cannot be read ({error.strerror}); it stands beside this file"
+        ) from None
     except ValueError as error:
         raise ConfigurationError(f"{path}: {error}") from None
 

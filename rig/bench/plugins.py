@@ -7,11 +7,12 @@ entry point of `rig.instruments` names a package with files: each is an instrume
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import EntryPoint
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
+from rig.contracts.declared.beside import with_dbc
 from rig.errors import ConfigurationError
 from rig.procedures.entry_points import entry_points
 
@@ -31,8 +32,13 @@ def declared() -> Mapping[str, str]:
     for package in (_OURS_DECLARED, *(point.module for point in entry_points("rig.instruments"))):
         for file in files(package).iterdir():
             if file.name.endswith(".toml"):
-                found[file.name.removesuffix(".toml").replace("_", "-")] = file.read_text(encoding="utf-8")
+                text = with_dbc(file.read_text(encoding="utf-8"), partial(_bytes_in, package))
+                found[file.name.removesuffix(".toml").replace("_", "-")] = text
     return dict(sorted(found.items()))
+
+
+def _bytes_in(package: str, name: str) -> bytes:
+    return files(package).joinpath(name).read_bytes()
 
 
 def drivers() -> list[str]:

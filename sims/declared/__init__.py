@@ -21,15 +21,19 @@ def twin_of(text: str) -> type[Behaviour]:
         from rig.sims.declared.registers import RegistersTwin  # noqa: PLC0415 - few benches have one
 
         base = RegistersTwin
+    elif table.can:
+        from rig.sims.declared.frames import FramesTwin  # noqa: PLC0415
+
+        base = FramesTwin
     else:
         from rig.sims.declared.lines import LinesTwin  # noqa: PLC0415
 
         base = LinesTwin
     faults: tuple[Kind, ...] = OF_READINGS if table.reader is not None else ()
-    faults += (ERROR_QUEUE,) if table.errors.ask is not None and table.errors.queue else ()
+    faults += (ERROR_QUEUE,) if table.errors.ask is not None and table.errors.queue and table.lines else ()
     members: dict[str, Any] = {
         "table": table,
-        "wire": "modbus" if table.modbus else "serial",
+        "wire": table.wire.protocol if table.modbus or table.can else "serial",
         "roles": frozenset(role for role in ("reader", "source") if getattr(table, role) is not None),
         "faults": faults,
     }

@@ -7,9 +7,11 @@ ends with a carriage return and is confirmed by one, or refused with a bell.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from math import inf
 
-from rig.sims.wires.can_line import OnFrame
+from rig.contracts.declared.frames import EXTENDED
+from rig.sims.wires.can_line import Connected, OnFrame
 
 _DONE, _REFUSED = b"\r", b"\a"
 _LONGEST = 64
@@ -20,10 +22,11 @@ class SlcanAdapter:
 
     Args:
         on_frame: the instrument's function.
+        connected: functions of instruments that send by themselves.
     """
 
-    def __init__(self, on_frame: OnFrame) -> None:
-        self._on_frame = on_frame
+    def __init__(self, on_frame: OnFrame, connected: Sequence[Connected] = ()) -> None:
+        self._on_frame, self._connected = on_frame, connected
         self._line = bytearray()
         self._open = False
         self._listening_only = False
@@ -45,6 +48,8 @@ class SlcanAdapter:
             return self._frame(line, tx)
         if letter in (b"O", b"L") and not self._open:
             self._open, self._listening_only = True, letter == b"L"
+            for told in self._connected:
+                told(lambda can_id, data: self._from_bus(can_id, data, tx), inf)
             return _DONE
         if letter == b"C":
             self._open = False
@@ -65,10 +70,12 @@ class SlcanAdapter:
             return _REFUSED
         if length > 8 or len(data) != (0 if remote else length) or can_id > (0x1FFFFFFF if extended else 0x7FF):
             return _REFUSED
-        if not (extended or remote):  # the instruments here support neither
+        if not remote:  # the instruments here know none
+            can_id |= EXTENDED if extended else 0
             self._on_frame(can_id, data, lambda can_id, data: self._from_bus(can_id, data, tx))
         return b"Z\r" if extended else b"z\r"
 
     def _from_bus(self, can_id: int, data: bytes, tx: Callable[[bytes], None]) -> None:
         if self._open:
-            tx(f"t{can_id:03X}{len(data)}{data.hex().upper()}\r".encode("ascii"))
+            head = f"T{can_id & ~EXTENDED:08X}" if can_id & EXTENDED else f"t{can_id:03X}"
+            tx(f"{head}{len(data)}{data.hex().upper()}\r".encode("ascii"))

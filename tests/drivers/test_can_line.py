@@ -12,6 +12,7 @@ import can
 import canopen
 import pytest
 
+from rig.contracts.declared.frames import EXTENDED
 from rig.drivers.clock import RealClock
 from rig.drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
 from rig.drivers.wires.addresses import CanAddress
@@ -325,16 +326,41 @@ def test_python_cans_serial_adapter_driver_understands_ours(slcan_bus: str) -> N
 
 
 def test_frames_of_other_kinds_do_not_hide_ours():
-    """An extended frame in front must not look like a quiet bus: what is flushed would be taken for new later."""
-    theirs, ours = (can.Bus("crowded", "virtual") for _ in range(2))
-    transport = BusTransport.__new__(BusTransport)
-    transport._bus = ours
+    """A remote frame in front must not look like a quiet bus: what is flushed would be taken for new later."""
+    theirs = can.Bus("crowded", "virtual")
+    transport = BusTransport(CanAddress.parse("can:virtual/crowded"))
     try:
-        theirs.send(can.Message(arbitration_id=0x1ABCDE, data=b"\x01", is_extended_id=True))
         theirs.send(can.Message(arbitration_id=0x123, is_remote_frame=True, is_extended_id=False))
+        theirs.send(can.Message(arbitration_id=0x6A3, data=b"\x01", is_extended_id=True))
         theirs.send(can.Message(arbitration_id=0x6A3, data=b"\x02", is_extended_id=False))
+        assert transport.recv(1.0) == (0x6A3 | EXTENDED, b"\x01")  # another frame than that with 11 bits
         assert transport.recv(1.0) == (0x6A3, b"\x02")
         assert transport.recv(0.0) is None
     finally:
         theirs.shutdown()
-        ours.shutdown()
+        transport.close()
+
+
+def test_a_frame_is_repeated_until_another_takes_its_place_or_the_bus_is_closed():
+    theirs = can.Bus("cyclic", "virtual")
+    transport = BusTransport(CanAddress.parse("can:virtual/cyclic"))
+
+    def heard() -> bytes:
+        message = theirs.recv(5.0)
+        assert message is not None
+        return bytes(message.data)
+
+    try:
+        transport.repeat(0x10, b"\x01", 0.01)
+        assert [heard() for _ in range(4)] == [b"\x01"] * 4
+        transport.repeat(0x10, b"\x02", 0.01)
+        while heard() != b"\x02":
+            pass
+        assert [heard() for _ in range(3)] == [b"\x02"] * 3
+        transport.close()
+        while theirs.recv(0.0) is not None:
+            pass
+        assert theirs.recv(0.03) is None
+    finally:
+        theirs.shutdown()
+        transport.close()

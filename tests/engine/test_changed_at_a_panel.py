@@ -14,7 +14,8 @@ from foreign_instruments import BENCH, PROCEDURE, Foreign
 
 from rig.bench.bench_file import check_options
 from rig.bench.config import parse_bench
-from rig.drivers.scpi_learned import PrintedForm, same_unit, unit_after
+from rig.contracts.declared.units import same_unit
+from rig.drivers.scpi_learned import PrintedForm, unit_after
 from rig.engine.session import Outcome, Signals
 from rig.instruments.opening import open_bench
 from rig.run_file.read.reader import RunReader

@@ -10,6 +10,7 @@ from rig.instruments.opening import open_bench
 from rig.simulated.dry_run import DryBench
 
 ADDRESSES = {"text": "/dev/rig/it", "stream": "/dev/rig/it", "modbus": "modbus-tcp://192.0.2.9/1"}
+ADDRESSES["can"] = "can:socketcan/can0"
 QUIET = {"lab": {"daily_amplitude_degC": 0.0}}
 
 

@@ -90,6 +90,8 @@ def _page(name: str, table: Instrument) -> Iterator[str]:
     wire = table.wire
     if table.bridge:
         yield f"Reached by {table.bridge}: questions are its attributes, commands set them.\n"
+    elif table.can:
+        yield "CAN; questions are signals of its DBC, commands are messages.\n"
     elif table.modbus:
         yield f"Modbus; {wire.type} unless said otherwise, {wire.word_order} word first.\n"
     else:
@@ -115,6 +117,8 @@ def _meaning(table: Instrument, one: Ask | Tell) -> str:
     said: str
     if table.modbus:
         said = one.type or ""
+    elif table.can and isinstance(one, Ask):
+        said = f"counts as `{one.status}` says" if one.status is not None else ""
     else:
         said = ", ".join(f"`{form}`" for form in (one.forms if isinstance(one, Ask) else one.answer))
     scale = f"times {one.scale:g}" if one.scale != 1.0 else ""

@@ -14,6 +14,7 @@ from typing import Any
 from rig.bench.bench_file import check_options
 from rig.bench.config import BenchConfig, InstrumentConfig, parse_bench
 from rig.bench.plugins import driver_class
+from rig.contracts.declared.frames import shown as as_frame
 from rig.contracts.declared.instrument import Instrument, parse
 from rig.contracts.declared.replay import replayed
 from rig.drivers.clock import Clock, RealClock
@@ -26,7 +27,12 @@ from rig.instruments.opening import open_bench
 from rig.version import VERSION
 
 NAME = "instrument"
-_ADDRESSES = {"text": "/dev/rig/instrument", "stream": "/dev/rig/instrument", "modbus": "modbus-tcp://192.0.2.1/1"}
+_ADDRESSES = {
+    "text": "/dev/rig/instrument",
+    "stream": "/dev/rig/instrument",
+    "modbus": "modbus-tcp://192.0.2.1/1",
+    "can": "can:socketcan/can0",
+}
 _POLL_S = 1.0
 _SHOWN = 12
 """Turns on the wire that are kept at the begin and at the end of a step."""
@@ -110,7 +116,7 @@ def check(
     table, steps, heard = parse(text), [], []
 
     def tap(_: str, direction: str, data: bytes) -> None:
-        shown = data.hex(" ") if table.modbus else repr(data)[2:-1]
+        shown = data.hex(" ") if table.modbus else as_frame(data) if table.can else repr(data)[2:-1]
         heard.append(f"{'>' if direction == 'tx' else '<'} {shown}")
 
     wrong = list(replayed(table))
@@ -124,7 +130,7 @@ def check(
                     step.found = act() or "done"
                 except (DriverError, RigError) as error:
                     step.found, step.ok = str(error), False
-                step.wire = _joined(heard)
+                step.wire = _joined(heard, apart=table.can)
                 steps.append(step)
                 if not step.ok and step.what == "identity":
                     break
@@ -144,11 +150,11 @@ def check(
     )
 
 
-def _joined(heard: list[str]) -> list[str]:
-    """Transfers on the wire, a line for each turn."""
+def _joined(heard: list[str], *, apart: bool) -> list[str]:
+    """Transfers on the wire, a line for each turn; of frames, which are `apart`, each its own."""
     lines: list[str] = []
     for one in heard:
-        if lines and lines[-1][0] == one[0]:
+        if lines and lines[-1][0] == one[0] and not apart:
             lines[-1] += one[2:]
         else:
             lines.append(one)

@@ -55,13 +55,13 @@ def scan(address: str, clock: Clock, only: Sequence[str] = ()) -> Iterator[tuple
         Unreachable: it cannot be opened.
     """
     texts = {name: text for name, text in declared().items() if not only or name in only}
-    if not address.startswith("modbus-") and not only:
+    if not address.startswith(("modbus-", "can:")) and not only:
         texts = {"*IDN?": SCPI, **texts}
     tables = {name: parse(text) for name, text in texts.items()}
     tables = {name: one for name, one in tables.items() if _asked_at(one, address)}
     silent: set[tuple[object, ...]] = set()
     with locked_addresses({"scan": Place(address)}):
-        if not address.startswith(("modbus-", "visa://")):
+        if not address.startswith(("modbus-", "visa://", "can:")):
             _heard(address, tables.values(), clock)
         for name, table in tables.items():
             wire, question = table.wire, str(table.identity).partition("answer=")[0]
@@ -90,7 +90,8 @@ def scan(address: str, clock: Clock, only: Sequence[str] = ()) -> Iterator[tuple
 
 def _asked_at(table: Instrument, address: str) -> bool:
     wire = table.wire
-    return table.modbus == address.startswith("modbus-") and wire.protocol != "stream" and not wire.preamble
+    medium = "modbus" if address.startswith("modbus-") else "can" if address.startswith("can:") else "text"
+    return wire.protocol == medium and not wire.preamble
 
 
 def _heard(address: str, tables: Iterable[Instrument], clock: Clock) -> None:

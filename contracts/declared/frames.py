@@ -1,0 +1,24 @@
+"""CAN identifiers as numbers and as bytes, as both sides of a wire write them."""
+
+from __future__ import annotations
+
+EXTENDED = 1 << 31
+"""Added to an identifier of 29 bits, as in DBC files."""
+
+
+def packed(can_id: int, data: bytes) -> bytes:
+    """Identifier and data: two bytes of identifier, four with the highest bit set if it has 29 bits."""
+    return can_id.to_bytes(4 if can_id & EXTENDED else 2, "big") + data
+
+
+def unpacked(message: bytes) -> tuple[int, bytes]:
+    """The contrary of `packed`."""
+    size = 4 if message[0] & 0x80 else 2
+    return int.from_bytes(message[:size], "big"), message[size:]
+
+
+def shown(message: bytes) -> str:
+    """A packed frame as programs for CAN print it: `1A0#0102`."""
+    can_id, data = unpacked(message)
+    digits = 8 if can_id & EXTENDED else 3
+    return f"{can_id & ~EXTENDED:0{digits}X}#{data.hex().upper()}"

@@ -1,0 +1,77 @@
+"""What holds for everything that an instrument's file sends: its wire, its identity, its errors."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from rig.contracts.declared.exchanges import Ask, Strict, Texts
+
+Frame = Literal["7E1", "7E2", "7O1", "7O2", "8N1", "8N2", "8E1", "8O1"]
+Number = Literal["int16", "uint16", "int32", "uint32", "float32"]
+Sum = Literal["", "sum", "xor", "negative sum"]
+
+
+class Wire(Strict):
+    """How it is connected, and what holds for every line."""
+
+    protocol: Literal["text", "modbus", "stream", "can"] = Field(
+        "text",
+        description="text: lines with an answer; modbus: registers; stream: it talks by itself; can: messages of a DBC",
+    )
+    baud: int = Field(9600, ge=300, le=921600, description="symbols per second of a serial line")
+    frame: Frame = Field("8N1", description="data bits, parity, stop bits")
+    flow: Literal["none", "rtscts", "xonxoff", "dsrdtr"] = Field("none", description="flow control of a serial line")
+    send_end: str = Field("\n", min_length=1, max_length=4, description="end of a line that is sent")
+    reply_end: str = Field("", max_length=4, description="end of an answer; left out: as send_end")
+    timeout_s: float = Field(2.0, ge=0.05, le=60, description="longest wait for an answer")
+    pace_s: float = Field(0.0, ge=0, le=10, description="shortest time from one line to the next")
+    echo: bool = Field(False, description="it sends every line back before its answer")
+    preamble: tuple[str, ...] = Field(
+        (), description="lines before all others, and whenever another instrument has used the wire: `++addr 9`"
+    )
+    request: str = Field("{line}", description="a whole line that is sent: {line}, parameters, {checksum}")
+    reply: str = Field("{line}", description="a whole answer; parameters in it have to be right, so has {checksum}")
+    checksum: Sum = Field("", description="of all characters before it, as two hexadecimal digits")
+    type: Number = Field("int16", description="type of most registers")
+    word_order: Literal["big", "little"] = Field("big", description="which word of two is first: the high one is big")
+    first_register: int = Field(0, ge=0, le=1, description="number that the manual gives to register 0 of the protocol")
+    period_s: float = Field(
+        1.0,
+        gt=0,
+        le=3600,
+        description="stream: time from one line to the next; can: the same of messages without GenMsgCycleTime",
+    )
+    skip: Texts = Field((), description="stream: forms of its other lines, which are passed over, such as `# {}`")
+    dbc: str = Field("", description="can: its DBC, a file beside this one; its text when the file has been read")
+    cyclic: dict[str, Annotated[float, Field(ge=0.005, le=60)]] = Field(
+        {}, description="can: messages that it wants again and again, with the seconds from one to the next"
+    )
+    counter: str = Field(
+        "", description="can: signal that counts messages; one that repeats its number is of a hanging instrument"
+    )
+
+
+class Identity(Ask):
+    """Who it is. {maker} and {model} in its answer have to be the declared ones; {serial} and {firmware} are kept."""
+
+    is_: float | str | None = Field(None, alias="is", description="of a register or signal: its right number or word")
+    serial: str | None = Field(None, description="can: signal with its serial number")
+
+    @property
+    def forms(self) -> tuple[str, ...]:
+        """Forms of its answer."""
+        return self.answer or ("{maker},{model},{serial},{firmware}",)
+
+
+class Errors(Strict):
+    """How it says that it refuses. Without this table it never does."""
+
+    ask: str | None = Field(None, description="question for an error, asked after every command")
+    answer: Texts = Field(("{code},{text}",), description="forms of its answer: {code} and {text}")
+    none: str = Field("0", description="the {code} without an error")
+    queue: bool = Field(True, description="it is asked again until there is no error")
+    bits: dict[str, str] = Field({}, description="errors by number of their bit in {code}, which is then a mask")
+    replies: Texts = Field((), description="forms of answers to anything that mean an error: `ES`, `E{code}`")
+    codes: dict[str, str] = Field({}, description="meaning of each {code}")
