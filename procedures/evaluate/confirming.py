@@ -104,8 +104,14 @@ class Confirming(ABC):
         """A possible run as a person finds the bench after the earlier ones: whether something has to be turned."""
         return variation
 
-    def suits(self, variation: Variation, questions: Sequence[Question]) -> bool:
-        """Whether all explanations say what they are in a run; a run of which one does not is not proposed."""
+    def suits(self, variation: Variation, first: Any, questions: Sequence[Question]) -> bool:
+        """Whether all explanations say what they are in a run; a run of which one does not is not proposed.
+
+        Args:
+            variation: the run.
+            first: procedure of the first run, in which they do.
+            questions: with the explanations.
+        """
         return True
 
     counts: Sequence[int] = ()

@@ -10,6 +10,7 @@ from rich.markup import escape
 from rig.fitter.trace.outcome import OF_METHOD
 from rig.procedures.evaluate.front import firsts
 from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, headline
+from rig.procedures.present.joined import some
 from rig.procedures.present.words import chance, constants_of, instead, share, size_of, unnamed
 
 _CROWD = 4
@@ -102,7 +103,7 @@ def _effects(sensors: Mapping[str, Any]) -> Iterator[Block]:
                 continue
             found.setdefault(effect["effect"], []).append((name, effect))
     for effect, every in found.items():
-        aliases = [" or ".join(one["aliases"]) for _, one in every]
+        aliases = [some(one["aliases"], " or ") for _, one in every]
         alike = len(set(aliases)) == 1
         name = f"[green]{escape(effect)}[/]{_or(aliases[0]) if alike else ''}"
         yield Paragraph(f"{name}: {escape(every[0][1]['cause'])}", 2)
@@ -125,7 +126,7 @@ def _next(sensor: Mapping[str, Any]) -> Iterator[str]:
     for effect in sensor["effects"]:
         if effect["stratum"] != "noise" and effect["separate_by"] and effect["effect"] not in crowd:
             measure = str(effect["separate_by"]).split("; ")[0]  # without how much it would show in this sensor
-            others = ", ".join(effect["aliases"])
+            others = some(effect["aliases"])
             what = f"tell {effect['effect']} from {others}" if others else f"confirm {effect['effect']}"
             yield f"to {what}: {measure}"
 

@@ -132,9 +132,9 @@ class GeneralConfirming(Confirming):
         every = (c.effect for trace in self.found.sensors.values() for c in trace.search.judge.candidates)
         return tuple({effect.name: effect for effect in every}.values())
 
-    def suits(self, variation: Variation, questions: Sequence[Question]) -> bool:
+    def suits(self, variation: Variation, first: GeneralProcedure, questions: Sequence[Question]) -> bool:
         """Whether all explanations say what they are in a run; a run of which one does not is not proposed. A
-        hysteresis is a loop over the whole range, whose factor has to go up and down again.
+        hysteresis is a loop over the whole range, whose factor has to go up and down again where it did before.
         """
         loops = {
             term.effect.columns[-1]
@@ -144,7 +144,8 @@ class GeneralConfirming(Confirming):
             if term.effect.kind.name == HYSTERESIS.name
         }
         run: GeneralProcedure = variation.procedure
-        return all(run.factors[name].order != RANDOM for name in loops if name in run.factors)
+        swept = [name for name in loops if name in run.factors and first.factors[name].order != RANDOM]
+        return all(run.factors[name].order != RANDOM for name in swept)
 
     def whole(self, group: Sequence[Variation], times: int) -> Variation | None:
         """The run of a group with all points that can be chosen, so many times each; None if points are not chosen. The

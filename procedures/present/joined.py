@@ -1,8 +1,11 @@
-"""Sentences about sensors, each once."""
+"""Sentences about sensors, each once; names in one line, as many as a person reads."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+MOST = 6
+"""Names in a line; where there are many more, their number stands for the rest."""
 
 
 def joined(told: Iterable[tuple[str, str]]) -> Iterator[str]:
@@ -28,3 +31,15 @@ def once(notes: Iterable[str], names: Mapping[str, str] | None = None) -> Iterat
         else ("", f"{first}{colon}{rest}")
         for first, colon, rest in parts
     )
+
+
+def some(names: Sequence[str], between: str = ", ") -> str:
+    """Names in a line, the first of them if they are many.
+
+    Example:
+        >>> some(["drift", "step"], " or "), some(list("abcdefghij"))
+        ('drift or step', 'a, b, c, d, e, f and 4 more')
+
+    """
+    more = len(names) - MOST
+    return between.join(names) if more <= 1 else f"{between.join(names[:MOST])} and {more} more"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from rich.table import Table
 from rig.cli.show import err, mark, out, print_json
 from rig.errors import ExitCode
 from rig.procedures.present.durations import duration
+from rig.procedures.present.joined import MOST, some
 from rig.procedures.present.terminal import print_whole
 
 if TYPE_CHECKING:
@@ -39,24 +40,42 @@ def show_open(first: First, never: Sequence[Inseparable]) -> None:
     """Open questions, and those that no run can answer."""
     for question in first.questions:
         alike = [m.effect for m in question.members[1:] if not m.near]
-        near = ", ".join(f"{m.effect} ({m.sigmas:.1f} standard errors)" for m in question.members if m.near)
-        told = [f"these data do not distinguish it from {', '.join(alike)}"] if alike else []
+        near = some([f"{m.effect} ({m.sigmas:.1f} standard errors)" for m in question.members if m.near])
+        told = [f"these data do not distinguish it from {some(alike)}"] if alike else []
         told += [f"less clearly excluded, and so judged again by the further run: {near}"] if near else []
         told += [shared.removeprefix(f"{question.effect} ")] if (shared := first.shared(question.effect)) else []
         text = "; ".join(told) or "these data exclude every other cause of the catalogue"
         out.print(f"[bold]{escape(question.effect)}[/]: {escape(text)}", soft_wrap=True)
+    for line in _inseparable(never):
+        out.print(f"  [yellow]{escape(line)}[/]", soft_wrap=True)
+
+
+def _inseparable(never: Sequence[Inseparable]) -> Iterator[str]:
+    """Pairs of explanations that no run separates: each, or of many explanations of one effect all in one line."""
+    of: dict[str, list[Inseparable]] = {}
     for one in never:
-        a, b = one.pair
-        does = (
-            f"a run with a change by a person does: {'; or '.join(one.by_hand)}"
-            if one.by_hand
-            else f"a person would have to change something: {one.would}"
-        )
-        out.print(
-            f"  [yellow]{escape(a)} or {escape(b)}: no run of this bench separates them (at most {one.sigmas:.1f} "
-            f"standard errors expected) as it stands; {escape(does)}[/]",
-            soft_wrap=True,
-        )
+        of.setdefault(one.effect, []).append(one)
+    for effect, pairs in of.items():
+        for one in pairs if len(pairs) <= MOST else ():
+            yield f"{' or '.join(one.pair)}: {_no_run(one.sigmas, one.by_hand, one.would)}"
+        if len(pairs) > MOST:
+            names = {name for one in pairs for name in one.pair}
+            by_hand = dict.fromkeys(words for one in pairs for words in one.by_hand)
+            would = dict.fromkeys(words for one in pairs for words in one.would.split("; "))
+            most = max(one.sigmas for one in pairs)
+            yield (
+                f"{effect}: {len(pairs)} pairs of {len(names)} explanations: "
+                f"{_no_run(most, [*by_hand], '; '.join([*would][:SHOWN]))}"
+            )
+
+
+def _no_run(sigmas: float, by_hand: Sequence[str], would: str) -> str:
+    does = (
+        f"a run with a change by a person does: {'; or '.join(by_hand)}"
+        if by_hand
+        else f"a person would have to change something: {would}"
+    )
+    return f"no run of this bench separates them (at most {sigmas:.1f} standard errors expected) as it stands; {does}"
 
 
 def show_proposals(
@@ -90,7 +109,8 @@ def show_proposals(
         out.print(f"  {', '.join(no_better)}: no figure is better, and no time shorter, than that of a run above")
     if len(proposals) > len(shown):
         out.print(f"  and {len(proposals) - len(shown)} more: --list shows them")
-    for line in otherwise(first, proposals[take - 1], never):
+    lines = [*otherwise(first, proposals[take - 1], never)]
+    for line in lines if len(lines) <= MOST + 1 else [*lines[:MOST], f"and {len(lines) - MOST} more pairs: --json"]:
         out.print(f"  [yellow]run {take}: {escape(line)}[/]", soft_wrap=True)
 
 

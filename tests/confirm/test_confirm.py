@@ -313,7 +313,7 @@ def test_a_run_that_is_unlikely_to_decide_does_not_come_first_and_is_said_to_be(
     long, brief, good = _proposal("long", 0.08, 12.0), _proposal("brief", 0.02, 1.0), _proposal("good", 0.6, 30.0)
     assert [p.variation.what for p in ordered((long, brief, good))] == ["good", "brief", "long"]
     assert (long.likely, good.likely) == (False, True)
-    never = [Inseparable(("pads", "head"), 1.0, "")]
+    never = [Inseparable("pads", ("pads", "head"), 1.0, "")]
     (said,) = otherwise(opened[0], long, never)
     assert said.startswith(
         "it is UNLIKELY to settle everything: probability 8% for its most difficult question, and 12 h"

@@ -6,6 +6,7 @@ import json
 import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from general_lab import BENCH, PROCEDURE, run_dry, written
 from rig.bench.config import parse_procedure
 from rig.examples import example
 from rig.fitter.errors import FitError
+from rig.procedures.general.confirming import GeneralConfirming
+from rig.procedures.general.effects.of_others import HYSTERESIS
 from rig.procedures.general.further_runs import further_runs
 from rig.procedures.general.settings import GeneralProcedure
 from rig.procedures.general.together import Observations, Remembered, Whole, join
@@ -130,6 +133,23 @@ def test_further_runs_are_procedures_that_differ_in_one_respect(tmp_path):
     assert [run.procedure.replications for run in runs if run.what == "the same again"] == [1, 2, 4]
     assert {run.wait_s for run in runs} == {0.0, 25.0}
     assert all(run.procedure.expand() for run in runs)
+
+
+def test_a_loop_over_a_factor_in_random_order_excludes_no_run_in_that_order(tmp_path):
+    """One of many alternatives was a loop over a chamber, whose order is random: no run at all was proposed."""
+    files = written(tmp_path, MORE)
+    swept = parse_procedure(files[0].read_text(), "procedure.toml")
+    loop = SimpleNamespace(effect=SimpleNamespace(kind=HYSTERESIS, columns=("sign(force_side)", "force_kN")))
+    questions = [SimpleNamespace(members=[SimpleNamespace(terms=[loop])])]
+    runs = {run.what: run for run in further_runs(swept)}
+    random = runs["settings in random order"].procedure
+
+    def suits(what, first):
+        return GeneralConfirming.suits(None, runs[what], first, questions)
+
+    assert suits("the same again", swept)
+    assert not suits("settings in random order", swept)
+    assert suits("settings in random order", random)
 
 
 def test_a_later_run_without_a_sensor_of_the_first_is_refused(first):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from math import inf
 from types import SimpleNamespace
 
@@ -12,7 +13,7 @@ from rig.fitter.confirm import NOTHING, Member
 from rig.fitter.confirm.constants import CONSTANT_OF
 from rig.procedures.general.confirming import OWN_UNITS, GeneralConfirming
 from rig.verbs.confirm.answers import Confirmed
-from rig.verbs.confirm.proposals import unlikely
+from rig.verbs.confirm.proposals import Inseparable, unlikely
 
 WHAT = "force_kN at the settings of the first run and between them"
 
@@ -97,6 +98,23 @@ def test_a_verdict_has_its_numbers_in_sentences(plain, capsys):
         "    size in the further run, 95 %: a_V: 1 mV",
         "                                   b_V: 2 mV",
     ]
+
+
+def test_many_pairs_that_no_run_separates_take_one_line(plain, capsys):
+    """An effect with 43 explanations had 643 lines."""
+    names = [f"cause-{k}" for k in range(1, 9)]
+    never = [Inseparable("cause-1", pair, 0.1 * k, "visit it twice") for k, pair in enumerate(combinations(names, 2))]
+    members = [SimpleNamespace(effect=name, near=False) for name in names]
+    question = SimpleNamespace(effect="cause-1", members=members)
+    confirm_show.show_open(SimpleNamespace(questions=[question], shared=lambda _: ""), never)
+    assert capsys.readouterr().out.splitlines() == [
+        "cause-1: these data do not distinguish it from cause-2, cause-3, cause-4, cause-5, cause-6, cause-7, cause-8",
+        "  cause-1: 28 pairs of 8 explanations: no run of this bench separates them (at most 2.7 standard errors "
+        "expected) as it stands; a person would have to change something: visit it twice",
+    ]
+    confirm_show.show_open(SimpleNamespace(questions=[question], shared=lambda _: ""), never[:2])
+    pairs = [line.partition(": ")[0] for line in capsys.readouterr().out.splitlines()[1:]]
+    assert pairs == ["  cause-1 or cause-2", "  cause-1 or cause-3"]
 
 
 def test_why_no_run_is_likely_to_settle_everything_is_said():

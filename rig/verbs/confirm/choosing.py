@@ -48,7 +48,7 @@ def groups_of(first: First, only: Callable[[Variation], bool] = lambda _: True) 
     """Possible runs that differ in size only, from the smallest to the largest; `only` selects among them."""
     groups: dict[str, list[Variation]] = {}
     for variation in possible(_further_runs(first), first.bench.limits):
-        if not only(variation) or not first.confirming.suits(variation, first.questions):
+        if not only(variation) or not first.confirming.suits(variation, first.procedure, first.questions):
             continue
         standing = first.confirming.standing(variation)
         if first.most_h == math.inf or first.confirming.hours(standing, standing.procedure.expand()) <= first.most_h:

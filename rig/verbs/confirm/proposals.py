@@ -11,6 +11,7 @@ from rig.fitter.effects.entry import Entry
 from rig.fitter.effects.manual_changes import Change
 from rig.procedures.plan.further_runs import Variation, with_step
 from rig.procedures.present.durations import duration
+from rig.procedures.present.joined import some
 from rig.verbs.confirm.choosing import STEP, best, groups_of
 from rig.verbs.confirm.first import First
 from rig.verbs.confirm.proposal import HARDLY, LIKELY, Proposal
@@ -96,12 +97,14 @@ class Inseparable:
     """Two explanations that no run of this bench separates as the bench stands.
 
     Attributes:
+        effect: the effect found that both may be.
         pair: their names.
         sigmas: maximum expected standard errors between them in any run without a change by a person.
         would: the change that a person would have to make, in words.
         by_hand: what a person has to do in considered runs that may separate them.
     """
 
+    effect: str
     pair: Pair
     sigmas: float
     would: str
@@ -116,11 +119,11 @@ class Inseparable:
 def inseparable(first: First, considered: Sequence[Proposal]) -> tuple[Inseparable, ...]:
     """Pairs of explanations that no considered run is likely to separate without a change by a person."""
     told = [s for proposal in considered if not proposal.variation.steps for s in proposal.separations]
-    pairs = dict.fromkeys(pair for s in told for pair in s.chances if pair[1] != NOTHING)
+    pairs = {pair: s.effect for s in told for pair in s.chances if pair[1] != NOTHING}
     likeliest = {pair: max(s.chances[pair] for s in told if pair in s.chances) for pair in pairs}
     most = {pair: max(s.sigmas[pair] for s in told if pair in s.sigmas) for pair in pairs}
     return tuple(
-        Inseparable(pair, most[pair], _would(first, pair), _by_hand(considered, pair))
+        Inseparable(pairs[pair], pair, most[pair], _would(first, pair), _by_hand(considered, pair))
         for pair in pairs
         if likeliest[pair] < HARDLY
     )
@@ -149,7 +152,7 @@ def unlikely(proposals: Sequence[Proposal]) -> str:
         for (one, other), chance in chances.items()
         if chance < LIKELY
     ]
-    why = f"none decides between {'; '.join(never)}" if never else "each of them leaves another question open"
+    why = f"none decides between {some(never, '; ')}" if never else "each of them leaves another question open"
     return f"no run of this bench is likely to settle everything: {why}"
 
 
