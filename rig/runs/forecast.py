@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 from rig.bench.bench_file import playing
 from rig.bench.config import FOLLOWS_S, BenchConfig
 from rig.bench.plugins import driver_class
-from rig.drivers.roles import Chamber, Source
+from rig.bench.typed import typed_columns
+from rig.drivers.roles import ByHand, Chamber, Source
 from rig.engine.pace import Pace, follows_s
 from rig.engine.session import Outcome, Progress, Signals
 from rig.errors import RigError
@@ -112,7 +113,8 @@ def _follows(bench: BenchConfig, factor: str) -> bool:
 
 
 def _assumed(plan: Plan) -> Iterator[str]:
-    """Assumptions about soaks if the bench file has no values."""
+    """Assumptions about soaks if the bench file has no values, and about people."""
+    yield from _people(plan)
     bench, sources, chambers = plan.bench, playing(plan.bench, Source), playing(plan.bench, Chamber)
     for factor in plan.run_list.factors:
         name, setter = factor.name, bench.factors.get(factor.name, "")
@@ -132,6 +134,20 @@ def _assumed(plan: Plan) -> Iterator[str]:
                 f"assumed: what is in the chamber of {name} follows it with {FOLLOWS_S:g} s; {key}{which} in the bench "
                 "file says better"
             )
+
+
+def _people(plan: Plan) -> Iterator[str]:
+    """What is assumed of a person who sets or reads: nobody promises when a run with them ends."""
+    bench = plan.bench
+    hands = playing(bench, ByHand)
+    sets = [factor.name for factor in plan.run_list.factors if bench.factors.get(factor.name) in hands]
+    reads = [*typed_columns(bench, plan.procedure.conduct)]
+    does = [f"{verb} {', '.join(names)}" for verb, names in (("sets", sets), ("reads", reads)) if names]
+    if does:
+        yield (
+            f"assumed: a person is at the bench for the whole run, and {' and '.join(does)} as quickly as in the "
+            "rehearsal; the run waits as long as they take, and ends later then"
+        )
 
 
 def _skipped(result: Result) -> Iterator[str]:
