@@ -12,6 +12,7 @@ from rich.markup import escape
 from rig.fitter.effects.history import NOTHING, Laboratory
 from rig.fitter.errors import FitError
 from rig.fitter.formula import Formula
+from rig.fitter.steps import steps
 from rig.fitter.trace.outcome import Outcome
 from rig.procedures.column_names import moves_of, read_at, split_unit
 from rig.procedures.errors import DataError
@@ -179,7 +180,8 @@ def fit_run(asked: RunModels, leave_out: Sequence[str] = (), at: Sequence[Mappin
     plots = [_WHOLE_PLOT] if has_whole_plots(table) else []
     read, notes = reader_of(table), notes_of(table)
     found = {}
-    for column, model in asked.models.items():
+    for column in steps([*asked.models]):
+        model = asked.models[column]
         declared = declared_of(model, table)
         one = fit_general(read, column, None, plots, None, leave_out, declared, at=at)
         moving = sentences(table.moving, column, table.factors).values()
@@ -281,7 +283,7 @@ def trace_run(asked: RunModels, own: Laboratory = NOTHING, *, validate: bool = T
     """
     read = reader_of(asked.table)
     every = {column: replace(roles, own=own) for column, roles in roles_of_run(asked).items()}
-    found = {column: trace_general_table(read, roles, validate=validate) for column, roles in every.items()}
+    found = {column: trace_general_table(read, every[column], validate=validate) for column in steps([*every])}
     return RunTraced(found, tuple(column for column in asked.models if column not in found))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,6 +14,7 @@ from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.options import JsonOption, RunArgument
 from rig.cli.progress import counting
 from rig.cli.show import out, print_json, show_notes
+from rig.cli.waiting import waiting
 from rig.errors import ExitCode
 from rig.files.atomic import check_files, check_format
 from rig.procedures.present.terminal import show
@@ -94,7 +94,7 @@ def budget(
     check_format(report, ".html", ".htm")
     asked: dict[str, Any] = {"equipment": equipment, "same_meter": same_meter, "probability": probability, **given}
     asked |= {"after_days": after_days, "confirmed_by": confirmed_by or ()}
-    with counting("simulated evaluations", monte_carlo) if monte_carlo is not None else nullcontext() as one_more:
+    with counting("simulated evaluations", monte_carlo) if monte_carlo is not None else waiting("budget") as one_more:
         each = None if one_more is None else partial(one_more, "")
         found = budget_run(
             run_file, at=points(at or []), trials=monte_carlo, seed=seed, each=each, shapes=shapes, **asked

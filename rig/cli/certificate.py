@@ -15,6 +15,7 @@ from rig.cli.commands import app
 from rig.cli.options import JsonOption
 from rig.cli.show import err, mark, out, print_json
 from rig.cli.signed_in import LoginOption, signed_in
+from rig.cli.waiting import waiting
 from rig.errors import ExitCode, UsageError
 from rig.lab import laboratory_of
 from rig.procedures.column_names import split_unit, unit_of
@@ -194,8 +195,12 @@ def _issued(asked: CertificateRequest, how: Issue, login: str | None) -> Issued:
     if laboratory is None:
         if login is not None:
             raise UsageError(f"--login {login}: {asked.runs[0]} is in no laboratory with people (rig person)")
-        return issue(make(asked), how)
-    return issue_signed(laboratory, signed_in(laboratory, login, "approver"), asked, how)
+        with waiting("certificate"):
+            document = make(asked)
+        return issue(document, how)
+    approver = signed_in(laboratory, login, "approver")
+    with waiting("certificate"):
+        return issue_signed(laboratory, approver, asked, how)
 
 
 def _room(given: Sequence[str] | None) -> dict[str, tuple[float, float]]:

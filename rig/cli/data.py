@@ -15,6 +15,7 @@ from rig.cli.kind_options import with_options_of_kinds
 from rig.cli.options import JsonOption
 from rig.cli.show import err, out, print_json, show_notes, show_result, write_report
 from rig.cli.table_options import DecimalOption, EncodingOption, HeaderOption, SeparatorOption
+from rig.cli.waiting import waiting
 from rig.errors import ExitCode, UsageError
 from rig.files.atomic import check_files, check_format
 from rig.procedures.evaluate.in_short import in_short
@@ -91,15 +92,16 @@ def fit(
     source = FileSource(data, FileForm.of(separator, decimal, encoding, header))
     if not leave_out and not more and _seen(source, "fit", given, as_json=as_json):
         return ExitCode.USAGE
-    fitted = fit_source(
-        source,
-        given,
-        leave_out or (),
-        confirmed_by or (),
-        keep=out_file is not None,
-        equipment=equipment,
-        added=added or (),
-    )
+    with waiting("fitting"):
+        fitted = fit_source(
+            source,
+            given,
+            leave_out or (),
+            confirmed_by or (),
+            keep=out_file is not None,
+            equipment=equipment,
+            added=added or (),
+        )
     write_report(fitted, report)
     if out_file is not None:
         fitted.save(out_file)
@@ -146,7 +148,8 @@ def trace(
     source = FileSource(data[0], form)
     if _seen(source, "trace", given, as_json=as_json):
         return ExitCode.USAGE
-    found = trace_source(source, given)
+    with waiting("tracing"):
+        found = trace_source(source, given)
     write_report(found, report)
     if as_json:
         show_result(found, as_json=True)

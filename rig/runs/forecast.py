@@ -137,7 +137,7 @@ def _assumed(plan: Plan) -> Iterator[str]:
 
 
 def _people(plan: Plan) -> Iterator[str]:
-    """What is assumed of a person who sets or reads: nobody promises when a run with them ends."""
+    """The assumption about a person who sets or reads: nobody promises when a run with them ends."""
     bench = plan.bench
     hands = playing(bench, ByHand)
     sets = [factor.name for factor in plan.run_list.factors if bench.factors.get(factor.name) in hands]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rig.fitter.arrays import IntArray
 from rig.fitter.linear import orthonormal
+from rig.fitter.steps import steps
 from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.family import TableFamily
 from rig.fitter.trace.engine.judge import TableJudge
@@ -27,6 +28,8 @@ LONG, OF_LONG = 1000, 3
 SHARING = "groups with an error in common"
 """Groups left out in turn: whole plots, or replications."""
 FEWEST_SPARE = 3
+_SEARCH = 0.4
+"""About the part of the time that the search takes before them."""
 FAR = 3.0
 """Ratio to the largest in kept rows, above which they do not determine what a session remembers of its start."""
 
@@ -56,7 +59,8 @@ def left_out(
     families: dict[tuple[int, Rivalry], TableFamily] = {(0, "any"): judge.family(at, rival)}
     errors, counted = np.zeros((2, problem.n)), fold >= 0
     counts = judge.held(chosen)  # an isolated row counts as three sd here, too
-    for one in range(int(fold.max()) + 1):
+    folds = int(fold.max()) + 1
+    for one in steps(range(folds), lambda one: f"rows left out, {one + 1} of {folds}", after=_SEARCH):
         kept, out = np.flatnonzero(fold != one), np.flatnonzero(fold == one)
         if len(kept) - orthonormal(problem.declared[kept]).shape[1] < FEWEST_SPARE:
             return None

@@ -14,6 +14,7 @@ from rig.fitter.errors import FitError
 from rig.fitter.formula import Formula
 from rig.fitter.json_values import coefficient_table
 from rig.fitter.split_plot import SplitPlotFit, fit_split_plot
+from rig.fitter.steps import steps
 from rig.fitter.sums_of_squares import FTest
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.fit import lack_of_fit
@@ -292,4 +293,4 @@ def _fit(
 
 def fit_transducers(data: WholePlotData, model: str = "full", **options: Any) -> Mapping[str, PressureFit]:
     """`fit_pressure` for every output."""
-    return {output: fit_pressure(data, output, model, **options) for output in data.transducers}
+    return {output: fit_pressure(data, output, model, **options) for output in steps(data.transducers)}

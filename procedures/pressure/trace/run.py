@@ -10,6 +10,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.errors import FitError
 from rig.fitter.split_plot import SplitPlotDesign
+from rig.fitter.steps import steps
 from rig.fitter.trace.found import explanations_of
 from rig.fitter.trace.refusals import refusals
 from rig.procedures.pressure.data import WholePlotData
@@ -27,6 +28,8 @@ from rig.procedures.pressure.trace.settle import settle
 
 FOLDS = 24
 """Maximum number of repeats with left-out whole plots."""
+_SEARCH = 0.5
+"""About the part of the time that the search takes before whole plots are left out."""
 
 
 def trace_whole_plots(
@@ -112,7 +115,8 @@ def left_out(judge: WholePlotJudge, found: tuple[int, ...]) -> FloatArray | None
     problem = judge.problem
     squares = np.zeros((2, len(problem.sensors)))
     fold = problem.whole_plot % FOLDS
-    for left in range(int(fold.max()) + 1):
+    folds = int(fold.max()) + 1
+    for left in steps(range(folds), lambda one: f"rows left out, {one + 1} of {folds}", after=_SEARCH):
         inside, aside = np.flatnonzero(fold != left), np.flatnonzero(fold == left)
         rest = problem.take(inside)
         try:
