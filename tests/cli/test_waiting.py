@@ -57,9 +57,12 @@ def test_a_terminal_has_a_bar_that_is_gone_at_the_end(clock, monkeypatch):
 
 
 def test_nobody_hears_of_work_outside_or_after_an_error():
-    told = []
-    with pytest.raises(ZeroDivisionError), heard(lambda done, words: told.append((done, words))):
+    def fails():
         for _ in steps([1, 2]):
             raise ZeroDivisionError
+
+    told = []
+    with pytest.raises(ZeroDivisionError), heard(lambda done, words: told.append((done, words))):
+        fails()
     assert [*steps([3])] == [3]
     assert told == [(0.0, "1")]
