@@ -7,6 +7,7 @@ from typing import Any
 
 from rig.contracts.declared.exchanges import MEANINGS, Ask, Tell
 from rig.contracts.declared.forms import Form
+from rig.contracts.declared.wire import Wire
 
 WHERE = {
     "identity": "a question that tells it from others; in the manual: identification, `*IDN?`, version",
@@ -41,6 +42,27 @@ def unknown_fields(skip: Iterable[str]) -> Iterator[str]:
                 yield f"wire.skip: {text!r} names a field; write {{}} for any text"
         except ValueError as error:
             yield f"wire.skip: {error}"
+
+
+def wrong_frames(wire: Wire, parameters: Mapping[str, str | int]) -> Iterator[str]:
+    """Frames of lines that make no sense."""
+    for place, form in (("request", wire.request), ("reply", wire.reply)):
+        if "{line}" not in form:
+            yield f"wire.{place} = {form!r} lacks {{line}}"
+        elif "{checksum}" in form and wire.checksum is None:
+            yield f"wire.{place} has {{checksum}}, and wire.checksum does not say which"
+    if wire.checksum is not None and "{checksum}" not in wire.request + wire.reply:
+        yield "wire.checksum: neither wire.request nor wire.reply has {checksum}"
+    if wire.checksum is not None and wire.checksum.kind == "crc" and not wire.checksum.polynomial:
+        yield "wire.checksum: a crc needs its polynomial, or the name of one that is known"
+    try:
+        wire.frames(parameters)
+    except ValueError as error:
+        yield f"wire: {error}"
+    if wire.by_frame and wire.reply.endswith("{line}"):
+        yield f"wire.reply = {wire.reply!r} does not tell where an answer ends: it needs an end, or reply_end one"
+    if wire.by_frame and (wire.protocol == "stream" or wire.echo):
+        yield "wire: a stream or an echo needs lines that end with a character of their own"
 
 
 def wrong_forms(place: str, one: Ask | Tell, line: str | None, parameters: Mapping[str, object]) -> Iterator[str]:

@@ -20,7 +20,7 @@ TEXTS = {
     "unit": r"[A-Za-z%*\u00b0][A-Za-z0-9%/*^._ -]*?",
     "text": r".*?",
     "line": r".*?",
-    "checksum": "[0-9A-Fa-f]{2}",
+    "checksum": r".*?",
     "maker": r".+?",
     "model": r".+?",
     "serial": r".*?",
@@ -164,13 +164,14 @@ class Form:
 
     @cached_property
     def _strict(self) -> re.Pattern[str]:
-        return re.compile(self._pattern(strict=True), re.ASCII)
+        return re.compile(self.pattern(strict=True), re.ASCII)
 
     @cached_property
     def _free(self) -> re.Pattern[str]:
-        return re.compile(self._pattern(strict=False), re.ASCII | re.IGNORECASE)
+        return re.compile(self.pattern(strict=False), re.ASCII | re.IGNORECASE)
 
-    def _pattern(self, *, strict: bool) -> str:
+    def pattern(self, *, strict: bool = True) -> str:
+        """Regular expression of the line; see `read`."""
         found = []
         for n, part in enumerate(self.parts):
             if isinstance(part, str):

@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import threading
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
@@ -19,6 +20,9 @@ from typing import Any
 
 _KEY = re.compile(r'^hook *= *"([^"\n]+)"', re.MULTILINE)
 NAMES = ("parse", "settled", "say")
+
+LONGEST_S = 10.0
+"""Real seconds that one call may take; chosen: the longest that an operator waits without a word."""
 
 Function = Callable[..., Any]
 
@@ -59,10 +63,41 @@ def hooks(path: str, sha256: str) -> Mapping[str, Function]:
 def _functions(path: str, code: bytes) -> Mapping[str, Function]:
     names: dict[str, Any] = {"__name__": "hook"}
     try:
-        exec(compile(code, path, "exec"), names)
+        _Bounded(exec)(compile(code, path, "exec"), names)
     except Exception as error:  # whatever somebody's code raises
         raise ValueError(f"its hook {path} cannot be run: {type(error).__name__}: {error}") from error
-    found = {name: names[name] for name in NAMES if callable(names.get(name))}
+    found = {name: _Bounded(names[name]) for name in NAMES if callable(names.get(name))}
     if not found:
         raise ValueError(f"its hook {path} has none of the functions {', '.join(NAMES)}")
     return found
+
+
+class _Bounded:
+    """A function of a hook that is given up after a while, so that a run goes to its safe state.
+
+    Nothing ends what it does: its thread goes on, and it is not called again.
+    """
+
+    def __init__(self, function: Function) -> None:
+        self._function, self._hangs = function, False
+
+    def __call__(self, *given: Any) -> Any:
+        outcome: list[tuple[bool, Any]] = []
+
+        def carried_out() -> None:
+            try:
+                outcome.append((True, self._function(*given)))
+            except BaseException as error:  # it is raised where the function was called
+                outcome.append((False, error))
+
+        if not self._hangs:
+            thread = threading.Thread(target=carried_out, name="hook", daemon=True)
+            thread.start()
+            thread.join(LONGEST_S)
+        if not outcome:
+            self._hangs = True
+            raise TimeoutError(f"it takes longer than {LONGEST_S:g} s, and is not called again")
+        done, found = outcome[0]
+        if not done:
+            raise found
+        return found

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, JsonValue, ValidationError, model_validator
 
 from rig.contracts.declared.bridges import PATTERN, bridged, completed
-from rig.contracts.declared.defects import WHERE, said, unknown_fields, unknown_words, wrong_forms
+from rig.contracts.declared.defects import WHERE, said, unknown_fields, unknown_words, wrong_forms, wrong_frames
 from rig.contracts.declared.exchanges import Ask, Check, Strict, Tell, Tells, Texts
 from rig.contracts.declared.forms import Form
 from rig.contracts.declared.hooks import Function, hooks
@@ -318,9 +318,7 @@ class Instrument(Strict):
             yield from _of_messages(self)
         yield from unknown_words("words", self.words)
         yield from unknown_fields(self.wire.skip)
-        for place, form in (("request", self.wire.request), ("reply", self.wire.reply)):
-            if "{line}" not in form:
-                yield f"wire.{place} = {form!r} lacks {{line}}"
+        yield from wrong_frames(self.wire, self.parameters)
 
 
 _OF_LINES = frozenset(

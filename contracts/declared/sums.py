@@ -1,17 +1,183 @@
-"""Checksums of lines of text, as hexadecimal digits."""
+"""Frames of lines, and their checksums: sums, exclusive or, cyclic redundancy checks, over all of a frame or a part."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from functools import reduce
 from operator import xor
+from typing import Any, Literal, NamedTuple
+
+from pydantic import Field, model_validator
+
+from rig.contracts.declared.exchanges import Strict, Texts
+from rig.contracts.declared.forms import Form
+
+_HOLE = "{checksum}"
 
 
-def checksum(kind: str, text: str) -> str:
-    """Checksum of all characters of a text: "sum", "negative sum" (two's complement) or "xor"."""
-    data = text.encode("ascii")
-    match kind:
-        case "sum":
-            return f"{sum(data) & 0xFF:02X}"
-        case "negative sum":
-            return f"{-sum(data) & 0xFF:02X}"
-    return f"{reduce(xor, data, 0):02X}"
+class _Cyclic(NamedTuple):
+    """Parameters of a cyclic redundancy check, as catalogues have them."""
+
+    width: int
+    polynomial: int
+    init: int
+    reflect: bool
+    xorout: int
+
+
+NAMED: Mapping[str, _Cyclic] = {
+    "crc8": _Cyclic(8, 0x07, 0x00, False, 0x00),
+    "crc8 maxim": _Cyclic(8, 0x31, 0x00, True, 0x00),
+    "crc16 modbus": _Cyclic(16, 0x8005, 0xFFFF, True, 0x0000),
+    "crc16 arc": _Cyclic(16, 0x8005, 0x0000, True, 0x0000),
+    "crc16 ccitt": _Cyclic(16, 0x1021, 0xFFFF, False, 0x0000),
+    "crc16 xmodem": _Cyclic(16, 0x1021, 0x0000, False, 0x0000),
+    "crc32": _Cyclic(32, 0x04C11DB7, 0xFFFFFFFF, True, 0xFFFFFFFF),
+}
+"""Checks by the names that manuals use; the result of each for `123456789` is in the catalogues."""
+
+Kind = Literal[
+    "sum",
+    "negative sum",
+    "xor",
+    "crc",
+    "crc8",
+    "crc8 maxim",
+    "crc16 modbus",
+    "crc16 arc",
+    "crc16 ccitt",
+    "crc16 xmodem",
+    "crc32",
+]
+Shown = Literal["hex", "lower hex", "decimal", "binary", "binary, low byte first"]
+
+
+class Checksum(Strict):
+    """A checksum. A text alone is its kind, over all characters before it, in hexadecimal digits."""
+
+    kind: Kind = Field(description="which; crc: by its polynomial")
+    over: Texts = Field(
+        (), description="part of request and reply that it is made of, or one for each; left out: all before it"
+    )
+    as_: Shown = Field("hex", alias="as", description="how it is written; binary: as bytes")
+    width: Literal[8, 16, 32] | None = Field(None, description="its bits; left out: 8, or those of a named crc")
+    polynomial: int = Field(0, ge=0, le=0xFFFFFFFF, description="of a crc, without its highest bit: 0x1021")
+    init: int = Field(0, ge=0, le=0xFFFFFFFF, description="begin of a crc, a sum or an exclusive or")
+    reflect: bool = Field(False, description="of a crc: the lowest bit of each byte comes first, and of the result")
+    xorout: int = Field(0, ge=0, le=0xFFFFFFFF, description="the result is exclusive-ored with this")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short(cls, given: Any) -> Any:
+        return {"kind": given} if isinstance(given, str) else given
+
+    @property
+    def binary(self) -> bool:
+        """Whether it is written as bytes."""
+        return self.as_.startswith("binary")
+
+    @property
+    def bits(self) -> int:
+        """Its width."""
+        return self.width or (NAMED[self.kind].width if self.kind in NAMED else 8)
+
+    def of(self, data: bytes) -> int:
+        """The checksum of some bytes."""
+        most = (1 << self.bits) - 1
+        match self.kind:
+            case "sum":
+                found = self.init + sum(data)
+            case "negative sum":
+                found = -(self.init + sum(data))
+            case "xor":
+                found = reduce(xor, data, self.init)
+            case _:
+                own = _Cyclic(self.bits, self.polynomial, self.init, self.reflect, 0)
+                return _crc(data, NAMED.get(self.kind, own)) ^ self.xorout
+        return (found & most) ^ self.xorout
+
+    def shown(self, number: int) -> str:
+        """A checksum as it is written; bytes as characters of Latin-1."""
+        if self.binary:
+            order: Literal["big", "little"] = "big" if self.as_ == "binary" else "little"
+            return number.to_bytes(self.bits // 8, order).decode("latin-1")
+        if self.as_ == "decimal":
+            return str(number)
+        digits = f"{number:0{self.bits // 4}X}"
+        return digits.lower() if self.as_ == "lower hex" else digits
+
+    @property
+    def pattern(self) -> str:
+        """Pattern of how it is written."""
+        if self.binary:
+            return f".{{{self.bits // 8}}}"
+        return "[0-9]{1,10}" if self.as_ == "decimal" else f"[0-9A-Fa-f]{{{self.bits // 4}}}"
+
+
+def _crc(data: bytes, by: _Cyclic) -> int:
+    """Bit by bit, the highest first: frames are short."""
+    highest, most, register = 1 << by.width - 1, (1 << by.width) - 1, by.init
+    for byte in data:
+        register ^= (_reflected(byte, 8) if by.reflect else byte) << by.width - 8
+        for _ in range(8):
+            register = (register << 1 ^ (by.polynomial if register & highest else 0)) & most
+    return (_reflected(register, by.width) if by.reflect else register) ^ by.xorout
+
+
+def _reflected(number: int, bits: int) -> int:
+    return int(f"{number:0{bits}b}"[::-1], 2)
+
+
+class Frame:
+    """A frame around a line.
+
+    Args:
+        template: `{line}`, parameters and `{checksum}` in it.
+        checksum: its checksum, None if it has none.
+        known: parameters by name.
+
+    Raises:
+        ValueError: the part that the checksum is made of is not in the frame.
+
+    Example:
+        >>> frame = Frame("#{line}{checksum}", Checksum(kind="xor"), {})
+        >>> frame.write("ID"), frame.read("#ID2E"), frame.read("#ID2F")
+        ('#ID2E', ('ID', ''), ('ID', '2E'))
+    """
+
+    def __init__(self, template: str, checksum: Checksum | None, known: Mapping[str, str | int]) -> None:
+        self._sum = checksum if _HOLE in template else None
+        over = template.partition(_HOLE)[0]
+        if self._sum is not None and self._sum.over:
+            over = next((part for part in self._sum.over if part in template and _HOLE not in part), "")
+            if not over:
+                raise ValueError(f"over = {' or '.join(map(repr, self._sum.over))} is no part of {template!r}")
+        before, _, after = template.partition(over)
+        self._whole, self._over = Form(template).filled(known), Form(over).filled(known)
+        pieces = [self._pattern(piece, known) for piece in (before, over, after)]
+        self._read = re.compile("{}(?P<part_>{}){}".format(*pieces), re.ASCII | re.DOTALL)
+
+    def _pattern(self, piece: str, known: Mapping[str, str | int]) -> str:
+        found = [Form(part).filled(known).pattern() for part in piece.split(_HOLE)]
+        return f"(?P<checksum>{self._sum.pattern if self._sum is not None else ''})".join(found)
+
+    def write(self, line: str) -> str:
+        """A line in its frame."""
+        fields: dict[str, float | str] = {"line": line}
+        if self._sum is not None:
+            fields["checksum"] = self._sum.shown(self._sum.of(self._over.write(fields).encode("latin-1")))
+        return self._whole.write(fields)
+
+    def read(self, text: str) -> tuple[str, str] | None:
+        """The line in a frame, and the right checksum if it has another one; None if the frame is another one."""
+        found = self._read.fullmatch(text)
+        if found is None:
+            return None
+        line = found["line"].strip()
+        if self._sum is None:
+            return line, ""
+        right = self._sum.shown(self._sum.of(found["part_"].encode("latin-1")))
+        said = found["checksum"]
+        same = said == right if self._sum.binary else said.lstrip("0").upper() == right.lstrip("0").upper()
+        return line, "" if same else right

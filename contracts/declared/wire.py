@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from rig.contracts.declared.exchanges import Ask, Strict, Texts
+from rig.contracts.declared.sums import Checksum
+from rig.contracts.declared.sums import Frame as FrameOfLine
 
 Frame = Literal["7E1", "7E2", "7O1", "7O2", "8N1", "8N2", "8E1", "8O1"]
 Number = Literal["int16", "uint16", "int32", "uint32", "float32"]
-Sum = Literal["", "sum", "xor", "negative sum"]
 
 
 class Wire(Strict):
@@ -23,7 +25,11 @@ class Wire(Strict):
     baud: int = Field(9600, ge=300, le=921600, description="symbols per second of a serial line")
     frame: Frame = Field("8N1", description="data bits, parity, stop bits")
     flow: Literal["none", "rtscts", "xonxoff", "dsrdtr"] = Field("none", description="flow control of a serial line")
-    send_end: str = Field("\n", min_length=1, max_length=4, description="end of a line that is sent")
+    send_end: str = Field(
+        "\n",
+        max_length=4,
+        description='end of a line that is sent; "": frames end by themselves, as request and reply say',
+    )
     reply_end: str = Field("", max_length=4, description="end of an answer; left out: as send_end")
     timeout_s: float = Field(2.0, ge=0.05, le=60, description="longest wait for an answer")
     pace_s: float = Field(0.0, ge=0, le=10, description="shortest time from one line to the next")
@@ -33,7 +39,11 @@ class Wire(Strict):
     )
     request: str = Field("{line}", description="a whole line that is sent: {line}, parameters, {checksum}")
     reply: str = Field("{line}", description="a whole answer; parameters in it have to be right, so has {checksum}")
-    checksum: Sum = Field("", description="of all characters before it, as two hexadecimal digits")
+    checksum: Checksum | None = Field(
+        None,
+        description="of all characters before it, in hexadecimal digits: sum, negative sum, xor, crc8, crc8 maxim, "
+        "crc16 modbus, crc16 arc, crc16 ccitt, crc16 xmodem, crc32; a table says more: see there",
+    )
     type: Number = Field("int16", description="type of most registers")
     word_order: Literal["big", "little"] = Field("big", description="which word of two is first: the high one is big")
     first_register: int = Field(0, ge=0, le=1, description="number that the manual gives to register 0 of the protocol")
@@ -51,6 +61,17 @@ class Wire(Strict):
     counter: str = Field(
         "", description="can: signal that counts messages; one that repeats its number is of a hanging instrument"
     )
+
+    @property
+    def by_frame(self) -> bool:
+        """Whether only the frame tells where an answer ends: it has no end, or bytes that may look like one."""
+        return not self.send_end or (self.checksum is not None and self.checksum.binary)
+
+    def frames(self, known: Mapping[str, str | int]) -> tuple[FrameOfLine, FrameOfLine] | None:
+        """Frames of what is sent and of answers; None if lines have none. Raises `ValueError`."""
+        if self.request == "{line}" and self.reply == "{line}":
+            return None
+        return FrameOfLine(self.request, self.checksum, known), FrameOfLine(self.reply, self.checksum, known)
 
 
 class Identity(Ask):

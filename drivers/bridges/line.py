@@ -9,6 +9,7 @@ from rig.drivers.bridges import Bridge, Value
 from rig.drivers.clock import Clock
 from rig.drivers.errors import BadReply, NoReply
 from rig.drivers.wires import Tap
+from rig.drivers.wires.serial_line import Whole
 
 IDENTITY = "identity"
 LOOK_AGAIN_S = 0.1  # until a value is looked at again that has not been renewed; chosen
@@ -65,7 +66,15 @@ class BridgeLine:
         else:
             self._bridge.call(path, self._timeout_s)
 
-    def query_lines(self, text: str, count: int, timeout_s: float | None = None, *, repeat: bool = True) -> list[str]:
+    def query_lines(
+        self,
+        text: str,
+        count: int,
+        timeout_s: float | None = None,
+        *,
+        repeat: bool = True,
+        whole: Whole | None = None,
+    ) -> list[str]:
         """The value of an attribute as one line, with its unit if the library says it; see `SerialLine.query_lines`."""
         limit = self._timeout_s if timeout_s is None else timeout_s
         self._told("tx", text)

@@ -11,9 +11,7 @@ from typing import NamedTuple
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.forms import TEXTS, Form
 from rig.contracts.declared.instrument import Instrument
-from rig.contracts.declared.sums import checksum
 from rig.contracts.declared.units import same_unit
-from rig.contracts.declared.wire import Wire
 from rig.drivers.clock import Clock
 from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
 from rig.drivers.errors import BadReply, InstrumentError, NoReply
@@ -65,8 +63,8 @@ class TextTalk(Talk):
         self._shared = bool(wire.preamble) or any(hole in wire.request for hole in parameters)
         self.line: Line = self._opened(table, name, address, settings, wires)
         super().__init__(table, clock, self.line.where)
-        self._request, self._reply = (self._form(text) for text in (wire.request, wire.reply))
-        self._plain = wire.request == "{line}" and wire.reply == "{line}"
+        self._frames = wire.frames(parameters)
+        self._end = wire.reply_end or wire.send_end
         self._free = -math.inf  # the time from which the next line may be sent
         self._compiled: dict[int, _Compiled] = {}
         self._refusals = [self._form(text) for text in table.errors.replies]
@@ -88,7 +86,8 @@ class TextTalk(Talk):
                 send_end=wire.send_end.encode("ascii"),
                 reply_end=(wire.reply_end or wire.send_end).encode("ascii")[-1:],
                 timeout_s=wire.timeout_s,
-                sync=None if self._shared or wire.echo else _sync(table),
+                sync=None if self._shared or wire.echo or wire.request != "{line}" else _sync(table),
+                encoding="latin-1" if wire.by_frame else "ascii",
             ),
             name,
         )
@@ -129,19 +128,24 @@ class TextTalk(Talk):
                 self._begun = True
 
     def _framed(self, line: str) -> str:
-        return line if self._plain else _framed(self.table.wire, self._request, line)
+        return line if self._frames is None else self._frames[0].write(line)
 
     def _unframed(self, question: str, line: str) -> str:
-        if self._plain:
+        if self._frames is None:
             return line
-        found = self._reply.read(line)
+        found = self._frames[1].read(line)
         if found is None:
             raise self.line.bad_reply(question, line, f"an answer in the frame {self.table.wire.reply!r}")
-        if "checksum" in found:
-            right = checksum(self.table.wire.checksum, line[: line.rindex(found["checksum"])])
-            if found["checksum"].upper() != right:
-                raise self.line.bad_reply(question, line, f"the checksum {right}")
-        return found["line"]
+        if found[1]:
+            raise self.line.bad_reply(question, line, f"the checksum {found[1]}")
+        return found[0]
+
+    def _whole(self, received: bytes) -> bool:
+        """Whether an answer whose frame tells its end is complete."""
+        text = received.decode("latin-1")
+        ended = self._frames is not None and text.endswith(self._end)
+        found = self._frames[1].read(text.removesuffix(self._end)) if ended and self._frames is not None else None
+        return found is not None and not found[1]
 
     def _write(self, line: str) -> None:
         self._begin()
@@ -155,7 +159,9 @@ class TextTalk(Talk):
         self._begin()
         sent = self._framed(line)
         if not self.table.wire.echo:
-            found = self.line.query_lines(sent, lines, timeout_s, repeat=repeat)
+            whole = self._whole if self.table.wire.by_frame else None
+            found = self.line.query_lines(sent, lines, timeout_s, repeat=repeat, whole=whole)
+            found = [one.removesuffix(self._end) for one in found] if whole is not None else found
         else:
             first, *found = self.line.query_lines(sent, lines + 1, timeout_s, repeat=repeat)
             if first != sent.strip():
@@ -355,17 +361,14 @@ def _of_one(forms: Sequence[Form], *lines: str) -> Form | None:
     return next((form for form in forms if any(form.read(line) is not None for line in lines)), None)
 
 
-def _framed(wire: Wire, request: Form, line: str) -> str:
-    text = request.write({"line": line, "checksum": "\0"})
-    before, mark, after = text.partition("\0")
-    return before + checksum(wire.checksum, before) + after if mark else text
-
-
 def question_of(table: Instrument) -> str:
     """The question for its identity as it is sent, in its frame and with its end, by the parameters of its file."""
     assert table.identity is not None
-    line, request = (Form(text or "").filled(table.parameters) for text in (table.identity.ask, table.wire.request))
-    return _framed(table.wire, request, line.write({})) + table.wire.send_end
+    line, frames = (
+        Form(table.identity.ask or "").filled(table.parameters).write({}),
+        table.wire.frames(table.parameters),
+    )
+    return (line if frames is None else frames[0].write(line)) + table.wire.send_end
 
 
 def _sync(table: Instrument) -> tuple[str, str] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from rig.drivers.errors import BadReply
+from rig.drivers.wires.serial_line import Whole
 
 
 class Line(Protocol):
@@ -25,7 +26,15 @@ class Line(Protocol):
         """Send a command without reply."""
         ...
 
-    def query_lines(self, text: str, count: int, timeout_s: float | None = None, *, repeat: bool = True) -> list[str]:
+    def query_lines(
+        self,
+        text: str,
+        count: int,
+        timeout_s: float | None = None,
+        *,
+        repeat: bool = True,
+        whole: Whole | None = None,
+    ) -> list[str]:
         """Send a question with `count` lines of answer."""
         ...
 

@@ -37,6 +37,9 @@ Frame = Literal["7E1", "7E2", "7O1", "7O2", "8N1", "8N2", "8E1", "8O1"]
 Tap = Callable[[str, str, bytes], None]
 """Called with (instrument, "tx" or "rx", bytes) for every transfer."""
 
+Whole = Callable[[bytes], bool]
+"""Tells whether an answer is complete."""
+
 _OPEN_ERRORS: tuple[type[Exception], ...] = (*_PORT_ERRORS, ValueError)
 _BITS_PER_CHARACTER = 11  # the longest frame: start, eight data bits, parity or a second stop bit, stop
 _SLOWEST_BAUD = 1200  # for a line behind a serial server
@@ -61,7 +64,7 @@ class SerialSettings:
         quiet_s: bench seconds of silence after which the line counts as synchronised again.
         sync: a question without side effects that is only used for synchronisation, and a pattern of all its answers;
             None if there is none, and silence must be enough.
-        encoding: of replies.
+        encoding: of replies, and of commands; with Latin-1 any byte may be part of an answer.
     """
 
     baud: int
@@ -72,7 +75,7 @@ class SerialSettings:
     timeout_s: float = 1.0
     quiet_s: float = 0.3
     sync: tuple[str, str] | None = None
-    encoding: Literal["ascii", "utf-8"] = "ascii"
+    encoding: Literal["ascii", "utf-8", "latin-1"] = "ascii"
 
 
 class SerialLine:
@@ -145,7 +148,15 @@ class SerialLine:
         """Send a question and return its one-line answer; see `query_lines`."""
         return self.query_lines(text, 1, timeout_s, repeat=repeat)[0]
 
-    def query_lines(self, text: str, count: int, timeout_s: float | None = None, *, repeat: bool = True) -> list[str]:
+    def query_lines(
+        self,
+        text: str,
+        count: int,
+        timeout_s: float | None = None,
+        *,
+        repeat: bool = True,
+        whole: Whole | None = None,
+    ) -> list[str]:
         """Send a question with `count` lines of answer.
 
         Args:
@@ -153,6 +164,7 @@ class SerialLine:
             count: number of expected lines.
             timeout_s: maximum bench seconds of silence; the line's own setting if None.
             repeat: whether the question has no side effect and may be repeated.
+            whole: tells whether an answer is complete, if its last character does not; it is then one line.
 
         Raises:
             NoReply: no complete answer in time.
@@ -162,7 +174,7 @@ class SerialLine:
         timeout = self.settings.timeout_s if timeout_s is None else timeout_s
         lines: list[str] = []
         try:
-            lines = self._ask(text, count, timeout)
+            lines = self._ask(text, count, timeout, whole)
         except NoReply:
             if not repeat:
                 raise
@@ -171,7 +183,7 @@ class SerialLine:
         if lines and not repeat:
             raise self._misread(text, lines)
         self.retries += 1
-        again = self._ask(text, count, timeout)
+        again = self._ask(text, count, timeout, whole)
         if self._wrong_parity:
             raise self._misread(text, again)
         if self._doubtful and again != lines:  # a bit error does not come twice; XON of an instrument may
@@ -374,20 +386,22 @@ class SerialLine:
             port.timeout = limit
 
     def _send(self, port: Port, text: str) -> None:
-        data = text.encode("ascii") + self.settings.send_end
+        data = text.encode(self.settings.encoding) + self.settings.send_end
         if self._tap:
             self._tap(self.label, "tx", data)
         port.write(data)
 
-    def _ask(self, text: str, count: int, timeout_s: float) -> list[str]:
+    def _ask(self, text: str, count: int, timeout_s: float, whole: Whole | None) -> list[str]:
         port = self._in_step()
         self.exchanges += 1
         try:
             self._limit(port, timeout_s)
             self._send(port, text)
-            received = self._receive(port, text, count, timeout_s)
+            received = self._receive(port, text, count, timeout_s, whole)
         except _PORT_ERRORS as error:
             self._lost(error)
+        if whole is not None:
+            return [received.decode("latin-1")]
         try:  # ASCII is strict on purpose: a wrong baud rate or frame shows as bytes above 127
             lines = received.decode(self.settings.encoding).split(self._reply_end)
         except UnicodeDecodeError:
@@ -398,18 +412,20 @@ class SerialLine:
             raise self.bad_reply(text, received, f"{count} line(s)")
         return [line.strip() for line in lines[:-1]]
 
-    def _receive(self, port: Port, text: str, count: int, timeout_s: float) -> bytes:
+    def _receive(self, port: Port, text: str, count: int, timeout_s: float, whole: Whole | None) -> bytes:
         raw, received = bytearray(), bytearray()
         try:
             while True:
                 heard = self._more(port, raw, timeout_s)
                 if not heard:
                     self._out_of_step = self._owed = True  # the answer may only be late
+                    if whole is not None and received:
+                        raise self.bad_reply(text, bytes(received), "an answer in its frame, with the right checksum")
                     raise self._silent(text, bytes(received), timeout_s)
                 received += heard
                 if len(received) > _LONGEST_REPLY:
                     raise self.bad_reply(text, bytes(received[:40]), "an answer that ends")
-                if received.count(self.settings.reply_end) >= count:
+                if whole(bytes(received)) if whole is not None else received.count(self.settings.reply_end) >= count:
                     break
         finally:
             self._tell_tap(raw)
@@ -431,7 +447,7 @@ class SerialLine:
             if heard and (waiting := port.in_waiting):
                 heard += port.read(waiting)
             raw += heard
-            said = _said(heard)
+            said = heard if self.settings.encoding == "latin-1" else _said(heard)
             if said or not heard:
                 return said
             now = self.clock.now()  # so far there was only flow control

@@ -17,6 +17,7 @@ from rig.bench.config import BenchConfig
 from rig.bench.plugins import driver_class, installed
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.instrument import Channel, Instrument, Mark, Reader, Source
+from rig.contracts.declared.sums import Checksum
 from rig.contracts.declared.wire import Errors, Wire
 from rig.lab import People
 from rig.procedures.kinds import kinds
@@ -72,6 +73,7 @@ def instrument_file() -> str:
 _OF_INSTRUMENTS: Mapping[str, type[BaseModel]] = {
     "The whole": Instrument,
     "`[wire]`": Wire,
+    "`[wire.checksum]`": Checksum,
     "`[errors]`": Errors,
     "`[mark]`": Mark,
     "`[reader]`": Reader,
@@ -173,7 +175,7 @@ def _bounds(field: FieldInfo, kind: type[Gt | Ge | Lt | Le]) -> list[Any]:
 
 _NAMES = {"str": "text", "int": "whole number", "float": "number", "bool": "true or false", "date": "date"}
 _NAMES |= {"Ask": "question", "Identity": "question", "Check": "question with its right answer", "Tell": "command"}
-_NAMES |= dict.fromkeys(("Wire", "Errors", "Mark", "Reader", "Source", "Channel"), "table")
+_NAMES |= dict.fromkeys(("Wire", "Checksum", "Errors", "Mark", "Reader", "Source", "Channel"), "table")
 
 
 def _name(annotation: object) -> str:

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.forms import Field, Form
-from rig.contracts.declared.sums import checksum
 from rig.sims.declared.behaviour import OVERLOAD, Behaviour, Refused, Said
 from rig.sims.world import World
 
 _COMMAND_S = 0.003  # time for one line [?]
+_SILENCE_S = 0.2  # after it, what has come so far is no begin of a frame [?]
 _PRINTED = {"degC": "C", "degF": "F", "pct": "%"}
 
 
@@ -37,7 +37,7 @@ class LinesTwin(Behaviour):
         }
         self._send_end = wire.send_end.encode("ascii")
         self._reply_end = (wire.reply_end or wire.send_end).encode("ascii")
-        self._request, self._reply = self._form(wire.request), self._form(wire.reply)
+        self._frames = wire.frames(self._parameters)
         self._lines = [_Line(self._form(line), "preamble", None) for line in wire.preamble]
         for place, ask in self.table.asks():
             if ask.ask is not None:
@@ -53,6 +53,7 @@ class LinesTwin(Behaviour):
         self._error = self._form(self.table.errors.answer[0])
         self._forms: dict[tuple[int, str], Form] = {}
         self._session, self._input, self._free = 0, b"", 0.0
+        self._came_at = 0.0
         self._host: Callable[[bytes], None] | None = None
         super().__init__(name, options, world, plant, serial)
 
@@ -91,18 +92,35 @@ class LinesTwin(Behaviour):
 
     def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
         """Collect characters until a line ends; each line takes its time."""
-        *lines, self._input = (self._input + data).split(self._send_end)
+        if self.table.wire.by_frame:
+            lines = self._whole_frames(data)
+        else:
+            *lines, self._input = (self._input + data).split(self._send_end)
         for line in lines:
             now = self.world.now()
             self._free = max(now, self._free) + _COMMAND_S
             self.world.call_in(self._free - now, partial(self._line, line.decode("latin-1"), tx, self._session))
+
+    def _whole_frames(self, data: bytes) -> list[bytes]:
+        """Frames whose end only their checksum tells; what comes after a silence is the begin of another one."""
+        now, found = self.world.now(), []
+        if now - self._came_at > _SILENCE_S:
+            self._input = b""
+        self._came_at = now
+        for byte in data:
+            self._input += bytes((byte,))
+            text = self._input.removesuffix(self._send_end) if self._input.endswith(self._send_end) else b""
+            if text and self._unframed(text.decode("latin-1")) is not None:
+                found.append(text)
+                self._input = b""
+        return found
 
     def _line(self, text: str, tx: Callable[[bytes], None], session: int) -> None:
         if session != self._session:
             return
         if self.table.wire.echo:
             tx(text.encode("latin-1") + self._reply_end)
-        line = self._unframed(text.strip(" \r\n"))
+        line = self._unframed(text if self.table.wire.by_frame else text.strip(" \r\n"))
         if line is None:
             return
         try:
@@ -125,23 +143,13 @@ class LinesTwin(Behaviour):
 
     def _unframed(self, text: str) -> str | None:
         """The line in its frame; None if it is for another instrument, or damaged."""
-        if self.table.wire.request == "{line}":
+        if self._frames is None:
             return text
-        found = self._request.read(text)
-        if found is None:
-            return None
-        if "checksum" in found:
-            begin = text[: text.rindex(found["checksum"])]
-            if found["checksum"].upper() != checksum(self.table.wire.checksum, begin):
-                return None
-        return found["line"]
+        found = self._frames[0].read(text)
+        return None if found is None or found[1] else found[0]
 
     def _framed(self, line: str) -> str:
-        if self.table.wire.reply == "{line}":
-            return line
-        text = self._reply.write({"line": line, "checksum": "\0"})
-        before, mark, after = text.partition("\0")
-        return before + checksum(self.table.wire.checksum, before) + after if mark else text
+        return line if self._frames is None else self._frames[1].write(line)
 
     def _carried_out(self, line: str) -> tuple[str | Callable[[], str], float] | None:
         """The answer to a line, and when it comes. Raises `Refused`."""

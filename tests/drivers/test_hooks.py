@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from command import rig
 from declared_bench import DeclaredBench
 
+from rig.contracts.declared import hooks
 from rig.contracts.declared.hooks import placed
 from rig.drivers.errors import BadReply
 from rig.errors import ConfigurationError
@@ -173,3 +175,16 @@ def test_a_hook_stands_beside_its_file(folder, name):
     done = rig("instrument", "check", "my_bath.toml", cwd=folder)
     assert done.returncode == 78
     assert "a Python file beside it" in " ".join(done.stderr.split())
+
+
+def test_a_hook_that_does_not_end_is_given_up(monkeypatch):
+    monkeypatch.setattr(hooks, "LONGEST_S", 0.05)
+    ended = threading.Event()
+    found = hooks._Bounded(lambda question, answer: ended.wait())
+    for _ in range(2):  # the second time at once
+        with pytest.raises(TimeoutError, match=r"longer than 0\.05 s, and is not called again"):
+            found("T?", "1")
+    ended.set()
+    assert hooks._Bounded(lambda a, b: a + b)(1, 2) == 3
+    with pytest.raises(ZeroDivisionError):
+        hooks._Bounded(lambda: 1 / 0)()

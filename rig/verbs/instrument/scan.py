@@ -98,7 +98,7 @@ def _heard(address: str, tables: Iterable[Instrument], clock: Clock) -> None:
     """Raise `NoReply` if nothing comes back while and after all questions are sent."""
     groups: dict[SerialSettings, dict[str, None]] = {}
     for table in tables:
-        wire, plain = table.wire, SerialSettings(9600, send_end=b"", quiet_s=LISTENS_S)
+        wire, plain = table.wire, SerialSettings(9600, send_end=b"", quiet_s=LISTENS_S, encoding="latin-1")
         own = plain if "://" in address else replace(plain, baud=wire.baud, frame=wire.frame, flow=wire.flow)
         groups.setdefault(own, {})[question_of(table)] = None
     heard: list[bytes] = []
