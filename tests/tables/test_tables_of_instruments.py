@@ -535,3 +535,12 @@ def test_what_was_understood_of_a_logger_is_said_by_the_commands(tmp_path):
     path = written(tmp_path, FORMS["campbell toa5"].text.replace("NAN", "24.75"))
     done = rig("fit", path, "--response", "RH", "--formula", "1 + AirTC")
     assert "names in row 2; row 4 left out: it says how the logger made the values" in done.stderr
+
+
+@pytest.mark.parametrize("names", ["#,kN,V", "#,force,out", "No.,kN,V"])
+def test_names_that_are_units_beside_numbered_rows_are_names(tmp_path, names):
+    path = written(tmp_path, f"{names}\n1,0,0.1002\n2,1,0.2011\n3,2,0.2998\n4,3,0.4003\n")
+    first, *others = names.split(",")
+    table = read_any_csv(path, others)
+    assert [table.columns[name].tolist()[:2] for name in others] == [[0, 1], [0.1002, 0.2011]]
+    assert read_any_csv(path, (first,)).columns[first].tolist() == [1, 2, 3, 4]

@@ -118,8 +118,16 @@ class _Walk:
                 break
         if marked and any(self.lines[i].row in self.inside for i, _ in marked):  # units that are names: V, A
             return self._heads(marked[-1][0], marked[:-1])
+        if marked and (names := self._numbered(marked[-1][0])):
+            return self._heads(marked[-1][0], marked[:-1], names)
         self._check_first(name)
         return Heads((), 0, self.block.start, 0)
+
+    def _numbered(self, i: int) -> list[str]:
+        """Names in a line that looks like a remark because the rows are numbered under "#", beside units: #, kN, V."""
+        line = self.lines[i]
+        cells = trimmed(split(line.text, self.block.separator)) if line.remark else []
+        return cells if len(cells) == self.block.count and cells[0].strip() == "#" and self._full(cells) else []
 
     def _check_first(self, name: str) -> None:
         """Refuse a first row that may have numbers for names, as of wavelengths. Raises `UsageError`."""
