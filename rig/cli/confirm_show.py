@@ -38,11 +38,15 @@ def listed(first: First, proposals: Sequence[Proposal], never: Sequence[Insepara
 
 def show_open(first: First, never: Sequence[Inseparable]) -> None:
     """Open questions, and those that no run can answer."""
+    from rig.verbs.confirm.proposals import planned  # noqa: PLC0415
+
+    plans = planned(first).questions
     for question in first.questions:
         alike = [m.effect for m in question.members[1:] if not m.near]
         near = some([f"{m.effect} ({m.sigmas:.1f} standard errors)" for m in question.members if m.near])
         told = [f"these data do not distinguish it from {some(alike)}"] if alike else []
         told += [f"less clearly excluded, and so judged again by the further run: {near}"] if near else []
+        told += ["no run is planned for so many; the further run judges them all the same"] * (question not in plans)
         told += [shared.removeprefix(f"{question.effect} ")] if (shared := first.shared(question.effect)) else []
         text = "; ".join(told) or "these data exclude every other cause of the catalogue"
         out.print(f"[bold]{escape(question.effect)}[/]: {escape(text)}", soft_wrap=True)

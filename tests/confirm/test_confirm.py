@@ -39,6 +39,7 @@ from rig.verbs.confirm import (
     propose,
 )
 from rig.verbs.confirm.answers import may_be_beside
+from rig.verbs.confirm.proposals import MANY, planned
 
 LAB = example("attitude-lab")
 PADS = {"isolation_pad": {"pitch_compliance_deg_per_g": 8e-4}}
@@ -307,6 +308,15 @@ def _proposal(what: str, chance: float, hours: float) -> Proposal:
     pairs = {("pads", "head"): chance, ("pads", NOTHING): 1.0, ("head", NOTHING): 1.0}
     separation = Separation("pads", dict.fromkeys(pairs, 1.0), dict.fromkeys(pairs, (0.5, 2.0)), pairs)
     return Proposal(Variation(what, parse_procedure(SHORT, "short.toml")), (separation,), hours, "13 x 1", None)
+
+
+def test_no_run_is_planned_for_an_effect_with_many_explanations_beside_others(opened) -> None:
+    """903 pairs of 43 explanations outweighed a lag of 200 standard errors: the longest run came first."""
+    first, few = opened[0], opened[0].questions[0]
+    many = replace(few, members=few.members[:1] * (MANY + 1))
+    assert planned(replace(first, questions=(few, many))).questions == (few,)
+    assert planned(replace(first, questions=(many,))).questions == (many,)
+    assert planned(first) is first
 
 
 def test_a_run_that_is_unlikely_to_decide_does_not_come_first_and_is_said_to_be(opened) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rig.fitter.confirm import NOTHING, Pair, Points
@@ -19,6 +19,18 @@ from rig.verbs.confirm.proposal import HARDLY, LIKELY, Proposal
 CHANGED = 3
 """Number of the best kinds of runs that are also considered with a change by a person, besides those of the same bench.
 """
+
+
+MANY = 12
+"""Explanations of one effect from which on no run is planned for them while others are open. An effect near the noise
+has so many; their pairs would outweigh every other question, and no run decides them.
+"""
+
+
+def planned(first: First) -> First:
+    """The traced run with the questions for which further runs are planned; all if each has many explanations."""
+    few = tuple(question for question in first.questions if len(question.members) <= MANY)
+    return first if len(few) in (0, len(first.questions)) else replace(first, questions=few)
 
 
 def consider(
@@ -42,6 +54,7 @@ def consider(
             computed before; what is computed here is added.
     """
     known = {} if known is None else known
+    first = planned(first)
     groups = {}
     for group in groups_of(first, only):
         key = group[0].what, len(group)
