@@ -162,7 +162,7 @@ class CanTalk(Talk):
             since = begun + self._reading_s if begun > used else max(now, used) + self._reading_s
         else:  # the frame under way while a command comes does not know of it
             period_s = max(map(self._period_s, messages))
-            since = max(now - period_s, self._told + period_s)
+            since = max(now - period_s, self._told + period_s + self.clock.grace())
         found = self._await(paths, since, seconds)
         self._used[paths[0]] = self._heard[paths[0]][0]
         return self._meaning(ask, paths, found, holes)
@@ -298,7 +298,8 @@ class CanTalk(Talk):
         period_s = self._period_s(message)
         self._caught_up()
         seconds = self.table.wire.timeout_s + _PERIODS * period_s
-        (found,) = self._await([errors.ask], max(self.clock.now() - period_s, self._told + period_s), seconds, "")
+        since = max(self.clock.now() - period_s, self._told + period_s + self.clock.grace())
+        (found,) = self._await([errors.ask], since, seconds)
         raw, where = _plain(found), f"{self.where}, after {line!r}," if line else self.where
         if errors.bits:
             words = [text for bit, text in errors.bits.items() if int(raw) >> int(bit) & 1]

@@ -7,6 +7,8 @@ switched on.
 from __future__ import annotations
 
 import contextlib
+import math
+from collections.abc import Callable
 from typing import Any
 
 from rig.contracts.declared.instrument import Source
@@ -15,6 +17,7 @@ from rig.drivers.errors import BadReply, DriverError, LimitError, NotReady
 from rig.drivers.roles import SourceState
 
 _MOST_READINGS = 10_000  # that a hook is given; chosen
+_AGAIN_S = 0.05  # chosen: until the newest message is looked at again
 _ON, _OFF = {"1", "ON"}, {"0", "OFF"}
 
 
@@ -68,7 +71,7 @@ class DeclaredSource(Declared):
             if self._source.on and self._state() != "on":
                 for command in self._source.on:
                     self._talk.tell(command)
-                if self._state() != "on":
+                if not self._in_time(lambda: self._state() == "on"):
                     raise BadReply(f"{self._where}: the output does not switch on")
         except BadReply:
             self._shut()
@@ -82,9 +85,24 @@ class DeclaredSource(Declared):
         self._told = value
         if self._source.setpoint is None:
             return
-        found = self._talk.number(self._source.setpoint)
-        if not abs(found - value) <= self._source.nearness:
+        ask, found = self._source.setpoint, math.nan
+
+        def right() -> bool:
+            nonlocal found
+            found = self._talk.number(ask)
+            return abs(found - value) <= self._source.nearness
+
+        if not self._in_time(right):
             raise BadReply(f"{self._where}: {self._source.setpoint.said} should answer {value:g} and answers {found:g}")
+
+    def _in_time(self, right: Callable[[], bool]) -> bool:
+        """Whether something is so; with messages, which may show a command late, within the longest wait for one."""
+        end = self._clock.now() + self.table.wire.timeout_s + self._clock.grace()
+        while not right():
+            if not self.table.can or self._clock.now() >= end:
+                return False
+            self._clock.sleep(_AGAIN_S)
+        return True
 
     def _state(self) -> str:
         """One of "on", "off" and "vent"; one that cannot be switched is always on. Raises `BadReply`."""
@@ -174,7 +192,7 @@ class DeclaredSource(Declared):
         super().make_safe()
         self._talk.forget_errors()
         self._shut()
-        if not self.read().safe:
+        if not self._in_time(lambda: self.read().safe):
             raise NotReady(f"{self._where} is not in its safe state: switch it off by hand")
 
     def _shut(self) -> None:

@@ -99,13 +99,19 @@ def _show(names: list[str]) -> int:
 
 
 def _new(path: Path) -> int:
+    from rig.bench.contract_files import with_hook  # noqa: PLC0415
+    from rig.errors import ConfigurationError  # noqa: PLC0415
     from rig.verbs.instrument.new import asked, lacking  # noqa: PLC0415
 
     if path.exists():
         raise UsageError(f"{path} exists; name another file")
     text = asked(lambda question, assumed: str(typer.prompt(question, default=assumed, err=True)))
     write_whole(path, lambda file: file.write(text))
-    if said := lacking(text):
+    try:
+        said = lacking(with_hook(text, path))
+    except ConfigurationError as error:  # its DBC is not there yet
+        said = str(error)
+    if said:
         err.print(f"{escape(str(path))} is written; it still lacks: {escape(said)}")
     else:
         err.print(f"{escape(str(path))} is written; next: rig instrument check {escape(shell_word(path))}")

@@ -132,7 +132,7 @@ class Liveness:
         """
         if set(now) == {self._hung.get(name)}:
             return True  # it hung at this point, and read something else in between: an open input, a spike
-        if name not in self._standards and self._returned(name, now):
+        if name not in self._standards and (self._returned(name, now) or self._stopped(name, now)):
             return True
         if not before or set(now) != {before[-1]}:
             return False
@@ -155,6 +155,15 @@ class Liveness:
         if former and now[0] == former[-1]:
             return True
         return now[0] in here and len(set(here)) == len(here) >= _FEWEST
+
+    def _stopped(self, name: str, now: Sequence[float]) -> bool:
+        """Whether all readings are equal at a point of which no two rejected ones were, and no point before was still.
+
+        It may have begun to hang at a reading that nobody had seen before: that of an open input, or a spike.
+        """
+        here, output = self._here.get(name, ()), self._outputs[name]
+        scattered = len(set(here)) == len(here) >= _FEWEST and output.still == 0 and output.seen >= _FEWEST
+        return len(now) > 1 and len(set(now)) == 1 and scattered
 
     def _unknown(self, now: Mapping[str, Sequence[float]], last: Callable[[str], Sequence[float]]) -> list[str]:
         """Columns that may repeat a reading that was not kept: all equal, where they scattered or were never read."""

@@ -14,14 +14,15 @@ from typing import Any, NamedTuple
 from rig.contracts.declared.exchanges import Ask, Check, Tell
 from rig.contracts.declared.forms import Form
 from rig.sims.declared.behaviour import OVERLOAD, Behaviour, Refused, Said
+from rig.sims.physics import WorldError
 from rig.sims.twin import Accuracy
 from rig.sims.wires.can_line import Transmit
 from rig.sims.wires.dbc import DbcMessage, DbcSignal, read_dbc
 from rig.sims.world import Timer, World
 
 _REPLY_S = 0.001  # from a message to its answer [?]
-_MISSED = 5
-"""Periods without a cyclic command after which the instrument switches off, as many do [?]."""
+_MISSED, _MISSED_S = 5, 2.0
+"""Periods, and seconds at least, without a cyclic command after which the instrument switches off, as many do [?]."""
 _PART = re.compile(r" *([A-Za-z_]\w*) *= *(.*?) *")
 
 
@@ -46,6 +47,10 @@ class FramesTwin(Behaviour):
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str) -> None:
         self._messages = read_dbc(self.table.wire.dbc)
+        for path in (path for _, ask in self.table.asks() for path in _paths(ask)):
+            message, _, signal = path.partition(".")
+            if signal not in self._messages[message].signals:
+                raise WorldError(f"{name}: the simulated instrument cannot read {path} of its DBC")
         self._parameters = {key: str(options.get(key, default)) for key, default in self.table.parameters.items()}
         self._asks: dict[str, list[tuple[str, Ask]]] = {}  # questions by signal
         self._status: dict[str, list[Ask]] = {}
@@ -271,7 +276,7 @@ class FramesTwin(Behaviour):
             return
         if name in self._watch:
             self._watch[name].cancel()
-        self._watch[name] = self.world.timer_in(_MISSED * period_s, partial(self._missed, name))
+        self._watch[name] = self.world.timer_in(max(_MISSED * period_s, _MISSED_S), partial(self._missed, name))
 
     def _missed(self, name: str) -> None:
         self._seen.pop(name, None)

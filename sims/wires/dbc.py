@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 
 _MESSAGE = re.compile(r"^BO_ (\d+) (\w+) *: *(\d+) ")
 _SIGNAL = re.compile(
-    r"^\s*SG_ (\w+) *(M|m\d+)? *: *(\d+)\|(\d+)@([01])([+-]) *\(([^,]+),([^)]+)\) *\[([^|]+)\|([^\]]+)\] *\"([^\"]*)\""
+    r"^\s*SG_ (\w+) *(M|m\d+M?)? *: *(\d+)\|(\d+)@([01])([+-]) *"
+    r"\(([^,]+),([^)]+)\) *\[([^|]+)\|([^\]]+)\] *\"([^\"]*)\""
 )
 _VALUES = re.compile(r"^VAL_ (\d+) (\w+) (.*);")
 _NAMED = re.compile(r"(-?\d+) \"([^\"]*)\"")
@@ -164,7 +165,7 @@ def _with(message: DbcMessage, match: re.Match[str]) -> DbcMessage:
 def _signal(match: re.Match[str]) -> DbcSignal:
     role = match[2] or ""
     factor, offset, low, high = (float(match[i]) for i in range(7, 11))
-    group = int(role[1:]) if role.startswith("m") else None
+    group = int(role[1:].rstrip("M")) if role.startswith("m") else None
     return DbcSignal(
         int(match[3]),
         int(match[4]),

@@ -9,11 +9,13 @@ import socketserver
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 from command import rig
 from test_declared import BATH
 
+from rig.contracts.declared.beside import with_dbc
 from rig.verbs.instrument.new import asked, form_of, lacking
 from rig.verbs.instrument.scan import SCPI
 
@@ -150,6 +152,20 @@ def test_a_new_file_is_whole(wire, role):
     said = {"Does it take": wire, "Does it measure": role}
     text = asked(lambda question, assumed: next((a for q, a in said.items() if question.startswith(q)), assumed))
     assert lacking(text) == ""
+
+
+@pytest.mark.parametrize(("role", "more"), [("reader", {"Signal of the reading": "State.Actual"}), ("source", {})])
+def test_a_new_file_with_messages_is_whole_beside_its_dbc(role, more):
+    dbc = (Path(__file__).parents[2] / "docs" / "how_to" / "can.md").read_text().split("```text my_chamber.dbc\n")[1]
+    dbc = (
+        dbc.split("```")[0]
+        .replace("SG_ Mode", "SG_ Enabled")
+        .replace('VAL_ 512 Mode 0 "Idle" 1 "Running" 2 "Defrosting" ;', "")
+    )
+    said = {"Does it take": "can", "Does it measure": role, **more}
+    text = asked(lambda question, assumed: next((a for q, a in said.items() if question.startswith(q)), assumed))
+    assert lacking(with_dbc(text, lambda name: dbc.encode())) == ""
+    assert "was not read" in lacking(text)
 
 
 def test_a_scan_asks_who_is_there_and_nothing_else(stranger, monkeypatch):

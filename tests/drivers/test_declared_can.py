@@ -210,6 +210,24 @@ def test_a_state_is_not_that_of_a_frame_from_before_the_command():
         it.close()
 
 
+def test_an_instrument_that_shows_a_command_late_is_waited_for_and_one_that_never_does_is_switched_off():
+    it = bench()
+    try:
+        it.it.identify()
+        it.it.prepare()
+        obey, late_s = it.twin._obey, [0.35]
+        it.twin._obey = lambda *given: it.dry.world.call_in(late_s[0], lambda: obey(*given))
+        it.it.set(40.0)
+        assert it.it.read().output
+        it.it.make_safe()
+        late_s[0] = 30.0
+        with pytest.raises(BadReply, match=r"State\.Setpoint should answer 50 and answers 40"):
+            it.it.set(50.0)
+        assert [data for way, data in it.wire if way == "tx"][-1] == packed(256, b"\x00\x00\x88\x13")  # off
+    finally:
+        it.close()
+
+
 def test_another_product_is_refused_and_silence_is_said_to_be_silence():
     it = bench(CHAMBER.replace('is = "Chamber C7"', 'is = "Chamber C8"'))
     try:

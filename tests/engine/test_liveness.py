@@ -79,6 +79,19 @@ def test_a_meter_that_returns_to_a_rejected_reading_of_this_point_hangs():
     assert alive.hanging(POINTS[1], back, {}) == ["meter_V"]
 
 
+@pytest.mark.parametrize(("coarse", "hangs"), [(False, True), (True, False)])
+def test_a_meter_that_begins_to_hang_at_an_open_input_is_told_by_the_scatter_before_it(coarse, hangs):
+    """Wandering readings of a point were rejected; then all are one that was never read before. Seed 45 of a night."""
+    rng, alive = random.Random(6), Liveness({"meter_V": "dmm"}, None, {})
+    for k in range(3):
+        one = observed({"meter_V": [float(k)] * 3}) if coarse else alone(rng, float(k))
+        alive.hanging(POINTS[k], one, {})
+    at = next(p for p in POINTS if p.setpoints != POINTS[2].setpoints)
+    assert not alive.hanging(at, observed({"meter_V": [rng.gauss(0.0, 0.05) for _ in range(4)]}), {})
+    assert not alive.hanging(at, observed({"meter_V": [rng.gauss(0.0, 0.05) for _ in range(4)]}), {})
+    assert bool(alive.hanging(at, observed({"meter_V": [-0.0322512787] * 4}), {})) == hangs
+
+
 @pytest.mark.parametrize(
     ("before", "begun", "doubted"),
     [

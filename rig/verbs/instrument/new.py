@@ -39,7 +39,9 @@ def asked(ask: Ask) -> str:
     maker, model = ask("Maker, as in its identity", "ACME"), ask("Model, as in its identity", "M1")
     about = ask("What is it", "instrument")
     wire = ask(
-        "Does it take lines of text, Modbus registers, or does it talk by itself? (text, modbus, stream)", "text"
+        "Does it take lines of text, Modbus registers, does it talk by itself, or has it CAN messages of a DBC? "
+        "(text, modbus, stream, can)",
+        "text",
     )
     role = ask("Does it measure or set something? (reader, source)", "reader")
     unit = ask("Unit of its quantity (degC, V, g, bar)", "degC")
@@ -49,6 +51,9 @@ def asked(ask: Ask) -> str:
     if wire == "modbus":
         lines += ['type = "int16"               # or uint16, int32, uint32, float32', 'word_order = "big"', ""]
         lines += _registers(ask, role, unit)
+    elif wire == "can":
+        lines += [f"dbc = {_text(ask('Name of its DBC, a file beside this one', 'instrument.dbc'))}", ""]
+        lines += _messages(ask, role, unit)
     else:
         end = _ENDS.get(ask("How do lines end? (lf, cr, crlf)", "crlf"), r"\r\n")
         baud = ask("Baud rate, if it has a serial line", "9600")
@@ -120,6 +125,30 @@ def _registers(ask: Ask, role: str, unit: str) -> list[str]:
     found.append(f"read = {{ register = {ask('Register of its reading', '1')}{tail}")
     found.append(f"safe_value = {ask('Setpoint of its safe state', '25')}")
     return [*found, "tolerance = 0.2", "dwell_s = 60"]
+
+
+def _messages(ask: Ask, role: str, unit: str) -> list[str]:
+    found = ["[identity]                      # listened for before anything is sent"]
+    found.append(f"ask = {_text(ask('Signal that tells it from others, MESSAGE.SIGNAL', 'Product.Type'))}")
+    if said := ask("Its value, a number or a word of the DBC (empty: any)", ""):
+        found.append(f"is = {said if _NUMBER.fullmatch(said) else _text(said)}")
+    found += ["", f"[{role}]", f'unit = "{unit}"']
+    if role == "reader":
+        return [*found, f"reading = {_text(ask('Signal of the reading', 'Readings.Temperature'))}"]
+    found += [f"low = {ask('Lowest setpoint', '0')}", f"high = {ask('Highest setpoint', '100')}"]
+    found.append(f"set = {_text(ask('Message with the setpoint', 'Command: Setpoint = {value}'))}")
+    for key, what, assumed in (
+        ("setpoint", "Signal of the setpoint", "State.Setpoint"),
+        ("read", "Signal of its own reading", "State.Actual"),
+        ("on", "Message that switches it on (empty: it is always on)", "Command: Enable = 1"),
+        ("off", "Message that switches it off (empty: none)", "Command: Enable = 0"),
+        ("output", "Signal that tells whether it is on (empty: none)", "State.Enabled"),
+    ):
+        if said := ask(what, assumed):
+            found.append(f"{key} = {_text(said)}")
+    if not any(line.startswith("off") for line in found):
+        found.append(f"safe_value = {ask('Setpoint of its safe state', '25')}")
+    return [*found, "tolerance = 0.1                 # near enough to its setpoint", "dwell_s = 60"]
 
 
 def lacking(text: str) -> str:
