@@ -49,9 +49,9 @@ def wrong_frames(wire: Wire, parameters: Mapping[str, str | int]) -> Iterator[st
     for place, form in (("request", wire.request), ("reply", wire.reply)):
         if "{line}" not in form:
             yield f"wire.{place} = {form!r} lacks {{line}}"
-        elif "{checksum}" in form and wire.checksum is None:
+        elif "{checksum" in form and wire.checksum is None:
             yield f"wire.{place} has {{checksum}}, and wire.checksum does not say which"
-    if wire.checksum is not None and "{checksum}" not in wire.request + wire.reply:
+    if wire.checksum is not None and "{checksum" not in wire.request + wire.reply:
         yield "wire.checksum: neither wire.request nor wire.reply has {checksum}"
     if wire.checksum is not None and wire.checksum.kind == "crc" and not wire.checksum.polynomial:
         yield "wire.checksum: a crc needs its polynomial, or the name of one that is known"

@@ -314,8 +314,12 @@ class Instrument(Strict):
             yield from wrong_forms(place, one, line, self.parameters)
             if isinstance(one, Ask):
                 yield from unknown_words(f"{place}.words", one.words)
+                if not self.can and (one.request is not None or one.status is not None):
+                    yield f'{place}: request and status belong to protocol = "can"'
         if self.can:
             yield from _of_messages(self)
+        elif own := sorted(_OF_MESSAGES & self.wire.model_fields_set):
+            yield f'wire: {", ".join(own)} belong to protocol = "can"'
         yield from unknown_words("words", self.words)
         yield from unknown_fields(self.wire.skip)
         yield from wrong_frames(self.wire, self.parameters)
@@ -325,6 +329,8 @@ _OF_LINES = frozenset(
     ("baud", "frame", "flow", "send_end", "reply_end", "echo", "preamble", "request", "reply", "checksum", "skip")
 )
 """Keys of the wire that messages do not have."""
+_OF_MESSAGES = frozenset(("dbc", "cyclic", "counter"))
+"""Keys of the wire that nothing else has."""
 
 
 def _of_messages(table: Instrument) -> Iterator[str]:

@@ -13,7 +13,8 @@ from pydantic import Field, model_validator
 from rig.contracts.declared.exchanges import Strict, Texts
 from rig.contracts.declared.forms import Form
 
-_HOLE = "{checksum}"
+_HOLE = re.compile(r"\{checksum(?::0([1-9][0-9]?))?\}")
+"""The checksum in a frame; `{checksum:03}` has at least three digits."""
 
 
 class _Cyclic(NamedTuple):
@@ -107,12 +108,13 @@ class Checksum(Strict):
         digits = f"{number:0{self.bits // 4}X}"
         return digits.lower() if self.as_ == "lower hex" else digits
 
-    @property
-    def pattern(self) -> str:
-        """Pattern of how it is written."""
+    def pattern(self, digits: int) -> str:
+        """Pattern of how it is written, with so many digits at least."""
         if self.binary:
             return f".{{{self.bits // 8}}}"
-        return "[0-9]{1,10}" if self.as_ == "decimal" else f"[0-9A-Fa-f]{{{self.bits // 4}}}"
+        if self.as_ == "decimal":
+            return f"[0-9]{{{digits or 1},{max(digits, 1) if digits else 10}}}"
+        return f"[0-9A-Fa-f]{{{max(digits, self.bits // 4)}}}"
 
 
 def _crc(data: bytes, by: _Cyclic) -> int:
@@ -147,26 +149,33 @@ class Frame:
     """
 
     def __init__(self, template: str, checksum: Checksum | None, known: Mapping[str, str | int]) -> None:
-        self._sum = checksum if _HOLE in template else None
-        over = template.partition(_HOLE)[0]
+        hole = _HOLE.search(template)
+        self._sum = checksum if hole is not None else None
+        self._digits = int(hole[1] or 0) if hole is not None else 0
+        over = template[: hole.start()] if hole is not None else template
         if self._sum is not None and self._sum.over:
-            over = next((part for part in self._sum.over if part in template and _HOLE not in part), "")
+            over = next((part for part in self._sum.over if part in template and not _HOLE.search(part)), "")
             if not over:
                 raise ValueError(f"over = {' or '.join(map(repr, self._sum.over))} is no part of {template!r}")
         before, _, after = template.partition(over)
-        self._whole, self._over = Form(template).filled(known), Form(over).filled(known)
+        self._whole = Form(_HOLE.sub("{checksum}", template)).filled(known)
+        self._over = Form(over).filled(known)
         pieces = [self._pattern(piece, known) for piece in (before, over, after)]
         self._read = re.compile("{}(?P<part_>{}){}".format(*pieces), re.ASCII | re.DOTALL)
 
     def _pattern(self, piece: str, known: Mapping[str, str | int]) -> str:
-        found = [Form(part).filled(known).pattern() for part in piece.split(_HOLE)]
-        return f"(?P<checksum>{self._sum.pattern if self._sum is not None else ''})".join(found)
+        hole = _HOLE.search(piece)
+        if hole is None or self._sum is None:
+            return Form(piece).filled(known).pattern()
+        before, after = (Form(part).filled(known).pattern() for part in (piece[: hole.start()], piece[hole.end() :]))
+        return f"{before}(?P<checksum>{self._sum.pattern(self._digits)}){after}"
 
     def write(self, line: str) -> str:
         """A line in its frame."""
         fields: dict[str, float | str] = {"line": line}
         if self._sum is not None:
-            fields["checksum"] = self._sum.shown(self._sum.of(self._over.write(fields).encode("latin-1")))
+            number = self._sum.of(self._over.write(fields).encode("latin-1"))
+            fields["checksum"] = self._sum.shown(number).zfill(0 if self._sum.binary else self._digits)
         return self._whole.write(fields)
 
     def read(self, text: str) -> tuple[str, str] | None:

@@ -37,7 +37,9 @@ class Wire(Strict):
     preamble: tuple[str, ...] = Field(
         (), description="lines before all others, and whenever another instrument has used the wire: `++addr 9`"
     )
-    request: str = Field("{line}", description="a whole line that is sent: {line}, parameters, {checksum}")
+    request: str = Field(
+        "{line}", description="a whole line that is sent: {line}, parameters, {checksum}, or {checksum:03}"
+    )
     reply: str = Field("{line}", description="a whole answer; parameters in it have to be right, so has {checksum}")
     checksum: Checksum | None = Field(
         None,

@@ -144,6 +144,16 @@ def test_a_form_is_made_of_an_answer(answer, form):
     assert form_of(answer) == form
 
 
+@pytest.mark.parametrize("address", ["/dev/ttyUSB99", "socket://127.0.0.1:1"])
+def test_an_address_that_cannot_be_opened_is_a_finding_and_no_defect_of_the_program(tmp_path, address):
+    (tmp_path / "b.toml").write_text(BATH)
+    done = rig("instrument", "check", "b.toml", "--address", address, "--json", cwd=tmp_path)
+    assert done.returncode == 1
+    step = json.loads(done.stdout)[0]["steps"][-1]
+    assert (step["what"], step["ok"]) == ("connection", False)
+    assert "cannot be opened" in step["found"]
+
+
 NEW = [("text", "reader"), ("text", "source"), ("stream", "reader"), ("modbus", "reader"), ("modbus", "source")]
 
 

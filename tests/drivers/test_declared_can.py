@@ -463,6 +463,7 @@ def test_all_that_a_file_has_wrong_is_said_at_once_with_what_the_dbc_has():
     [
         (CHAMBER.replace('dbc = "chamber.dbc"\n', ""), CHAMBER_DBC, "wire.dbc is missing: name of its DBC"),
         (CHAMBER.replace('"chamber.dbc"', '"../chamber.dbc"'), CHAMBER_DBC, "has to be a DBC file beside this one"),
+        (CHAMBER.replace('protocol = "can"\n', ""), CHAMBER_DBC, 'wire: cyclic, dbc belong to protocol = "can"'),
         (CHAMBER, "nonsense", "wire.dbc: the DBC cannot be read"),
         (CHAMBER, CHAMBER_DBC.replace("Command: 4", "Command: 12"), "12 bytes; only classic frames of up to 8"),
         (CHAMBER.replace("Command: Enable = 1", "Enable, 1"), CHAMBER_DBC, "should be a message with signals"),

@@ -61,6 +61,10 @@ DECIMAL = r"""send_end = "\n"
 request = "{checksum} {line}"
 reply = "{checksum} {line}"
 checksum = { kind = "sum", width = 16, over = "{line}", as = "decimal" }"""
+THREE_DIGITS = r"""send_end = "\r"
+request = "{node:03}{line}{checksum:03}"
+reply = "{node:03}{line}{checksum:03}"
+checksum = { kind = "sum", as = "decimal" }"""
 OWN_POLYNOMIAL = r"""send_end = "\r"
 request = "{line} {checksum}"
 reply = "{line} {checksum}"
@@ -68,7 +72,17 @@ checksum = { kind = "crc", polynomial = 0x1D, init = 0xFF, xorout = 0xFF }"""
 NO_SUM = r"""send_end = ""
 request = "({line})"
 reply = "({line})" """
-EVERY = (BISYNCH, NMEA, MODBUS_LIKE, BEFORE_THE_END, BYTES_BEFORE_THE_END, DECIMAL, OWN_POLYNOMIAL, NO_SUM)
+EVERY = (
+    BISYNCH,
+    NMEA,
+    MODBUS_LIKE,
+    BEFORE_THE_END,
+    BYTES_BEFORE_THE_END,
+    DECIMAL,
+    THREE_DIGITS,
+    OWN_POLYNOMIAL,
+    NO_SUM,
+)
 
 
 def bench(wire: str, more: str = "") -> DeclaredBench:
@@ -151,6 +165,11 @@ def test_the_bytes_are_those_of_the_manual():
     assert nmea.read(f"${sentence}*47") == (sentence, "")
     assert nmea.read(f"${sentence}*48") == (sentence, "47")
     assert nmea.read(sentence) is None
+    pfeiffer = Frame("{line}{checksum:03}", Checksum(kind="sum", **{"as": "decimal"}), {})
+    assert pfeiffer.write("0010030902=?") == "0010030902=?107"  # the vacuum protocol's sum of all characters before it
+    assert pfeiffer.write("}}}}\x15") == "}}}}\x15009"
+    assert pfeiffer.read("0010030902=?107") == ("0010030902=?", "")
+    assert pfeiffer.read("0010030902=?7") is None
     modbus = Frame("{line}{checksum}", Checksum(kind="crc16 modbus", **{"as": "binary, low byte first"}), {})
     assert modbus.write("\x01\x04\x00\x00\x00\x01").encode("latin-1")[-2:] == b"\x31\xca"  # a Modbus RTU request
 

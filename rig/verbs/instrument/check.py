@@ -5,8 +5,9 @@ Without a setpoint only questions are sent. With one it is prepared, set, awaite
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
@@ -122,22 +123,13 @@ def check(
     wrong = list(replayed(table))
     said = "; ".join(wrong) or f"{len(table.examples)} questions and answers of the file are read as it says"
     steps.append(Step("examples in the file", found=said, ok=not wrong))
-    with _opened(text, table, address, options, tap) as (driver, clock):
+    with contextlib.ExitStack() as held:
         try:
-            for step, act in _steps(driver, table, clock, setpoint, wait_s):
-                heard.clear()
-                try:
-                    step.found = act() or "done"
-                except (DriverError, RigError) as error:
-                    step.found, step.ok = str(error), False
-                step.wire = _joined(heard, apart=table.can)
-                steps.append(step)
-                if not step.ok and step.what == "identity":
-                    break
-        except BaseException:  # also somebody's Ctrl-C while it settles
-            if setpoint is not None and isinstance(driver, Source):
-                driver.make_safe()
-            raise
+            driver, clock = held.enter_context(_opened(text, table, address, options, tap))
+        except DriverError as error:
+            steps.append(Step("connection", found=str(error), ok=False))
+        else:
+            _carried_out(_steps(driver, table, clock, setpoint, wait_s), steps, heard, table, driver, setpoint)
     digest = hashlib.sha256(text.rstrip("\n").encode()).hexdigest()
     what = f"{table.maker} {', '.join(table.model)}".strip()
     return Checked(
@@ -148,6 +140,32 @@ def check(
         f"{datetime.fromtimestamp(RealClock().utc(), UTC):%Y-%m-%d %H:%M:%S} UTC",
         tuple(steps),
     )
+
+
+def _carried_out(
+    every: Iterable[tuple[Step, Callable[[], str]]],
+    steps: list[Step],
+    heard: list[str],
+    table: Instrument,
+    driver: Any,
+    setpoint: float | None,
+) -> None:
+    """Add the steps as they are carried out; without the right identity no further one is."""
+    try:
+        for step, act in every:
+            heard.clear()
+            try:
+                step.found = act() or "done"
+            except (DriverError, RigError) as error:
+                step.found, step.ok = str(error), False
+            step.wire = _joined(heard, apart=table.can)
+            steps.append(step)
+            if not step.ok and step.what == "identity":
+                break
+    except BaseException:  # also somebody's Ctrl-C while it settles
+        if setpoint is not None and isinstance(driver, Source):
+            driver.make_safe()
+        raise
 
 
 def _joined(heard: list[str], *, apart: bool) -> list[str]:
