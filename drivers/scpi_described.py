@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from rig.contracts.declared.exchanges import Ask, Check, Tell
-from rig.contracts.declared.instrument import Instrument, Mark
+from rig.contracts.declared.instrument import Instrument
+from rig.contracts.declared.roles import Mark
 from rig.contracts.declared.units import same_unit
 from rig.contracts.declared.wire import Errors, Identity, Wire
 from rig.drivers import roles

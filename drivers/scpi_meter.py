@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from rig.contracts.declared.instrument import Reader
+from rig.contracts.declared.roles import Reader
 from rig.drivers.declared.reader import INPUT, DeclaredReader
 from rig.drivers.numbers import whole
 from rig.drivers.scpi_described import Described, ask, tell

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from rig.contracts.declared.exchanges import Ask
-from rig.contracts.declared.instrument import Source
+from rig.contracts.declared.roles import Source
 from rig.drivers.declared.source import DeclaredSource
 from rig.drivers.scpi_described import Described, ask, line, tell
 from rig.drivers.scpi_options import Command, Question, ScpiOptions, filled

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rig.contracts.declared.exchanges import Ask
-from rig.contracts.declared.instrument import Channel, Reader
+from rig.contracts.declared.roles import Channel, Reader
 from rig.drivers.declared.base import Declared
 from rig.drivers.declared.talk import Answer
 from rig.drivers.errors import BadReply, DriverError, LimitError, NotReady

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from rig.contracts.declared.instrument import Source
+from rig.contracts.declared.roles import Source
 from rig.drivers.declared.base import Declared
 from rig.drivers.errors import BadReply, DriverError, LimitError, NotReady
 from rig.drivers.roles import SourceState

@@ -16,7 +16,8 @@ from pydantic.fields import FieldInfo
 from rig.bench.config import BenchConfig
 from rig.bench.plugins import driver_class, installed
 from rig.contracts.declared.exchanges import Ask, Tell
-from rig.contracts.declared.instrument import Channel, Instrument, Mark, Reader, Source
+from rig.contracts.declared.instrument import Instrument
+from rig.contracts.declared.roles import Channel, Mark, Reader, Source
 from rig.contracts.declared.sums import Checksum
 from rig.contracts.declared.wire import Errors, Wire
 from rig.lab import People

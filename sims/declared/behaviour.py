@@ -7,7 +7,8 @@ from math import inf, isfinite, nan
 from typing import Any, ClassVar, NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Check, Tell
-from rig.contracts.declared.instrument import Channel, Instrument
+from rig.contracts.declared.instrument import Instrument
+from rig.contracts.declared.roles import Channel
 from rig.sims.faults import Kind
 from rig.sims.inputs import Inputs
 from rig.sims.noise import event_at, normal

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from rig.contracts.declared.instrument import Reader
+from rig.contracts.declared.roles import Reader
 from rig.sims.faults import Kind
 from rig.sims.faults.reading_faults import OF_READINGS
 from rig.sims.twin import Accuracy, Role

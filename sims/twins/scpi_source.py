@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from rig.contracts.declared.exchanges import Tell
-from rig.contracts.declared.instrument import Source
+from rig.contracts.declared.roles import Source
 from rig.sims.faults import Kind
 from rig.sims.twin import Role
 from rig.sims.twins.scpi import ScpiTwin
