@@ -44,23 +44,27 @@ def unknown_fields(skip: Iterable[str]) -> Iterator[str]:
             yield f"wire.skip: {error}"
 
 
-def wrong_frames(wire: Wire, parameters: Mapping[str, str | int]) -> Iterator[str]:
-    """Frames of lines that make no sense."""
-    for place, form in (("request", wire.request), ("reply", wire.reply)):
+def wrong_frames(wire: Wire, own: Mapping[str, str], parameters: Mapping[str, str | int]) -> Iterator[str]:
+    """Frames of lines that make no sense; `own` are those of single lines, by place."""
+    answers = [form for form in wire.reply if "{line}" in form] or [" or ".join(wire.reply)]
+    every = [("wire.request", wire.request), *own.items(), *(("wire.reply", form) for form in answers)]
+    for place, form in every:
         if "{line}" not in form:
-            yield f"wire.{place} = {form!r} lacks {{line}}"
+            yield f"{place} = {form!r} lacks {{line}}"
         elif "{checksum" in form and wire.checksum is None:
-            yield f"wire.{place} has {{checksum}}, and wire.checksum does not say which"
-    if wire.checksum is not None and "{checksum" not in wire.request + wire.reply:
+            yield f"{place} has {{checksum}}, and wire.checksum does not say which"
+    if wire.checksum is not None and "{checksum" not in "".join(form for _, form in every):
         yield "wire.checksum: neither wire.request nor wire.reply has {checksum}"
     if wire.checksum is not None and wire.checksum.kind == "crc" and not wire.checksum.polynomial:
         yield "wire.checksum: a crc needs its polynomial, or the name of one that is known"
     try:
         wire.frames(parameters)
+        for form in own.values():
+            wire.framed(form, parameters)
     except ValueError as error:
         yield f"wire: {error}"
-    if wire.by_frame and wire.reply.endswith("{line}"):
-        yield f"wire.reply = {wire.reply!r} does not tell where an answer ends: it needs an end, or reply_end one"
+    if wire.by_frame and any(form.endswith("{line}") for form in wire.reply):
+        yield f"wire.reply = {wire.reply[0]!r} does not tell where an answer ends: it needs an end, or reply_end one"
     if wire.by_frame and (wire.protocol == "stream" or wire.echo):
         yield "wire: a stream or an echo needs lines that end with a character of their own"
 

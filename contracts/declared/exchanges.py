@@ -36,6 +36,7 @@ class Register(Strict):
     offset: float = Field(0.0, description="see scale")
     decimals: int | None = Field(None, ge=0, le=65535, description="register that says how many decimals it has")
     signed: bool = Field(False, description="a hexadecimal number is a two's complement of its width")
+    frame: str | None = Field(None, description="frame of this line, if it is not that of `request` of the wire")
 
     def shown(self, value: float) -> float:
         """A quantity as the number on the wire."""

@@ -221,7 +221,8 @@ class Instrument(Strict):
             yield f'wire: {", ".join(own)} belong to protocol = "can"'
         yield from unknown_words("words", self.words)
         yield from unknown_fields(self.wire.skip)
-        yield from wrong_frames(self.wire, self.parameters)
+        frames = {f"{place}.frame": one.frame for place, one in every if one.frame is not None}
+        yield from wrong_frames(self.wire, frames, self.parameters)
 
 
 _OF_LINES = frozenset(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from operator import xor
 from typing import Any, Literal, NamedTuple
@@ -190,3 +190,30 @@ class Frame:
         said = found["checksum"]
         same = said == right if self._sum.binary else said.lstrip("0").upper() == right.lstrip("0").upper()
         return line, "" if same else right
+
+
+class Replies:
+    """Frames of answers: the first that fits is taken. One without `{line}` is a whole answer, such as ACK.
+
+    Args:
+        templates: as of `Frame`.
+        checksum, known: see `Frame`.
+
+    Raises:
+        ValueError: see `Frame`.
+    """
+
+    def __init__(self, templates: Sequence[str], checksum: Checksum | None, known: Mapping[str, str | int]) -> None:
+        self._bare = [Form(text).filled(known).write({}) for text in templates if "{line}" not in text]
+        self._frames = [Frame(text, checksum, known) for text in templates if "{line}" in text]
+
+    def write(self, line: str) -> str:
+        """An answer in its frame, the first one."""
+        return line if line in self._bare else self._frames[0].write(line)
+
+    def read(self, text: str) -> tuple[str, str] | None:
+        """See `Frame.read`."""
+        if text in self._bare:
+            return text, ""
+        found = [one for frame in self._frames if (one := frame.read(text)) is not None]
+        return next((one for one in found if not one[1]), found[0] if found else None)

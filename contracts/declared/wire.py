@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rig.contracts.declared.exchanges import Ask, Strict, Texts
-from rig.contracts.declared.sums import Checksum
+from rig.contracts.declared.sums import Checksum, Replies
 from rig.contracts.declared.sums import Frame as FrameOfLine
 
 Frame = Literal["7E1", "7E2", "7O1", "7O2", "8N1", "8N2", "8E1", "8O1"]
@@ -40,7 +40,11 @@ class Wire(Strict):
     request: str = Field(
         "{line}", description="a whole line that is sent: {line}, parameters, {checksum}, or {checksum:03}"
     )
-    reply: str = Field("{line}", description="a whole answer; parameters in it have to be right, so has {checksum}")
+    reply: Texts = Field(
+        ("{line}",),
+        description="a whole answer; parameters in it have to be right, so has {checksum}; several: the one that fits, "
+        "one without {line} is an answer by itself",
+    )
     checksum: Checksum | None = Field(
         None,
         description="of all characters before it, in hexadecimal digits: sum, negative sum, xor, crc8, crc8 maxim, "
@@ -69,11 +73,15 @@ class Wire(Strict):
         """Whether only the frame tells where an answer ends: it has no end, or bytes that may look like one."""
         return not self.send_end or (self.checksum is not None and self.checksum.binary)
 
-    def frames(self, known: Mapping[str, str | int]) -> tuple[FrameOfLine, FrameOfLine] | None:
+    def frames(self, known: Mapping[str, str | int]) -> tuple[FrameOfLine, Replies] | None:
         """Frames of what is sent and of answers; None if lines have none. Raises `ValueError`."""
-        if self.request == "{line}" and self.reply == "{line}":
+        if self.request == "{line}" and self.reply == ("{line}",):
             return None
-        return FrameOfLine(self.request, self.checksum, known), FrameOfLine(self.reply, self.checksum, known)
+        return self.framed(self.request, known), Replies(self.reply, self.checksum, known)
+
+    def framed(self, template: str, known: Mapping[str, str | int]) -> FrameOfLine:
+        """The frame of one line. Raises `ValueError`."""
+        return FrameOfLine(template, self.checksum, known)
 
 
 class Identity(Ask):

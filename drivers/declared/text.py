@@ -11,6 +11,7 @@ from typing import NamedTuple
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.forms import TEXTS, Form
 from rig.contracts.declared.instrument import Instrument
+from rig.contracts.declared.sums import Frame
 from rig.contracts.declared.units import same_unit
 from rig.drivers.clock import Clock
 from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
@@ -31,6 +32,7 @@ class _Compiled(NamedTuple):
     request: Form
     fixed: str | None
     answers: tuple[Form, ...]
+    frame: Frame | None
 
 
 class TextTalk(Talk):
@@ -109,7 +111,8 @@ class TextTalk(Talk):
                 words, forms, line = frozenset(), one.answer, one.tell
             request = self._form(line or "")
             fixed = None if request.fields else request.write({})
-            found = _Compiled(request, fixed, tuple(self._form(form, words) for form in forms))
+            frame = self.table.wire.framed(one.frame, self._parameters) if one.frame is not None else None
+            found = _Compiled(request, fixed, tuple(self._form(form, words) for form in forms), frame)
             self._compiled[id(one)] = found
         return found
 
@@ -127,15 +130,17 @@ class TextTalk(Talk):
                 self.line.drain()
                 self._begun = True
 
-    def _framed(self, line: str) -> str:
-        return line if self._frames is None else self._frames[0].write(line)
+    def _framed(self, line: str, frame: Frame | None) -> str:
+        frame = frame or (self._frames[0] if self._frames is not None else None)
+        return line if frame is None else frame.write(line)
 
     def _unframed(self, question: str, line: str) -> str:
         if self._frames is None:
             return line
         found = self._frames[1].read(line)
         if found is None:
-            raise self.line.bad_reply(question, line, f"an answer in the frame {self.table.wire.reply!r}")
+            frames = " or ".join(map(repr, self.table.wire.reply))
+            raise self.line.bad_reply(question, line, f"an answer in the frame {frames}")
         if found[1]:
             raise self.line.bad_reply(question, line, f"the checksum {found[1]}")
         return found[0]
@@ -147,17 +152,19 @@ class TextTalk(Talk):
         found = self._frames[1].read(text.removesuffix(self._end)) if ended and self._frames is not None else None
         return found is not None and not found[1]
 
-    def _write(self, line: str) -> None:
+    def _write(self, line: str, frame: Frame | None) -> None:
         self._begin()
         if self.table.wire.echo:
-            self._query(line, 0, None, repeat=False)
+            self._query(line, 0, None, frame, repeat=False)
         else:
-            self.line.write(self._framed(line))
+            self.line.write(self._framed(line, frame))
 
-    def _query(self, line: str, lines: int, timeout_s: float | None, *, repeat: bool) -> str:
+    def _query(
+        self, line: str, lines: int, timeout_s: float | None, frame: Frame | None = None, *, repeat: bool
+    ) -> str:
         """The answer to a line. Raises `NoReply`, `BadReply`."""
         self._begin()
-        sent = self._framed(line)
+        sent = self._framed(line, frame)
         if not self.table.wire.echo:
             whole = self._whole if self.table.wire.by_frame else None
             found = self.line.query_lines(sent, lines, timeout_s, repeat=repeat, whole=whole)
@@ -179,7 +186,7 @@ class TextTalk(Talk):
         if ask.ask is None:
             return self.read(ask, self._heard(compiled.answers), holes)
         try:
-            raw = self._query(line, ask.lines, timeout_s or ask.timeout_s, repeat=repeat)
+            raw = self._query(line, ask.lines, timeout_s or ask.timeout_s, compiled.frame, repeat=repeat)
         except NoReply:
             first = self.table.identity.ask if self.table.identity is not None else None
             if line not in (self.table.errors.ask, first):  # before it is known, it is asked nothing else
@@ -295,12 +302,12 @@ class TextTalk(Talk):
         compiled = self._of(tell)
         line = compiled.fixed if compiled.fixed is not None else compiled.request.write(holes)
         if tell.answer:
-            raw = self._query(line, 1, None, repeat=False)
+            raw = self._query(line, 1, None, compiled.frame, repeat=False)
             if all(form.read(raw) is None for form in compiled.answers):
                 self._refused(line, raw)
                 raise self.line.bad_reply(line, raw, " or ".join(map(repr, tell.answer)))
         else:
-            self._write(line)
+            self._write(line, compiled.frame)
         if tell.wait_s:
             self._free = self.clock.now() + tell.wait_s
         if checked:

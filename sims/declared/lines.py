@@ -38,6 +38,9 @@ class LinesTwin(Behaviour):
         self._send_end = wire.send_end.encode("ascii")
         self._reply_end = (wire.reply_end or wire.send_end).encode("ascii")
         self._frames = wire.frames(self._parameters)
+        every = [*(ask.frame for _, ask in self.table.asks()), *(tell.frame for _, tell in self.table.tells())]
+        own = dict.fromkeys(template for template in every if template is not None)
+        self._own_frames = [wire.framed(template, self._parameters) for template in own]
         self._lines = [_Line(self._form(line), "preamble", None) for line in wire.preamble]
         for place, ask in self.table.asks():
             if ask.ask is not None:
@@ -143,10 +146,13 @@ class LinesTwin(Behaviour):
 
     def _unframed(self, text: str) -> str | None:
         """The line in its frame; None if it is for another instrument, or damaged."""
-        if self._frames is None:
+        if self._frames is None and not self._own_frames:
             return text
-        found = self._frames[0].read(text)
-        return None if found is None or found[1] else found[0]
+        for frame in (*self._own_frames, *([self._frames[0]] if self._frames is not None else [])):
+            found = frame.read(text)
+            if found is not None and not found[1]:
+                return found[0]
+        return None if self._frames is not None else text
 
     def _framed(self, line: str) -> str:
         return line if self._frames is None else self._frames[1].write(line)

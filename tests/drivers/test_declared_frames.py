@@ -14,7 +14,7 @@ from declared_bench import DeclaredBench
 
 from rig.bench.plugins import driver_class
 from rig.contracts.declared.sums import NAMED, Checksum, Frame
-from rig.drivers.errors import BadReply, NoReply, WrongInstrument
+from rig.drivers.errors import BadReply, InstrumentError, NoReply, WrongInstrument
 from rig.errors import ConfigurationError
 
 SOURCE = r"""
@@ -190,6 +190,57 @@ def test_frames_that_make_no_sense_are_named(wire, said):
     with pytest.raises(ConfigurationError) as caught:
         driver_class(SOURCE.replace("WIRE", wire))
     assert said in str(caught.value)
+
+
+X328 = r"""
+maker = "ACME"
+model = "N1"
+parameters = { node = 3 }
+[wire]
+send_end = ""
+frame = "7E1"
+request = "\u0004{node:02}{line}\u0005"                       # EOT, address, mnemonic, ENQ
+reply = ["\u0002{line}\u0003{checksum}", "\u0006", "\u0015"]  # STX, text, ETX, BCC; or ACK, or NAK
+checksum = { kind = "xor", over = "{line}\u0003", as = "binary" }
+[errors]
+replies = "\u0015"
+[identity]
+ask = "II"
+answer = "II{model}"
+[source]
+unit = "degC"
+low = 0
+high = 100
+setpoint = { ask = "SL", answer = "SL{value}" }
+read = { ask = "PV", answer = "PV{value}" }
+safe_value = 20
+tolerance = 0.2
+[[source.set]]
+tell = "SL{value:.1}"
+frame = "\u0004{node:02}\u0002{line}\u0003{checksum}"
+answer = "\u0006"
+"""
+
+
+def test_questions_and_commands_have_frames_of_their_own_and_ack_is_an_answer():
+    """ANSI X3.28-2.5 A4, as older controllers have it."""
+    it = DeclaredBench(X328)
+    try:
+        assert it.it.identify().model == "N1"
+        it.it.prepare()
+        it.it.set(41.5)
+        assert it.it.read().setpoint == 41.5
+        body = b"SL41.5\x03"
+        asked = b"".join(data for way, data in it.wire if way == "tx")
+        assert b"\x0403\x02" + body + bytes((reduce(lambda a, b: a ^ b, body),)) in asked
+        assert b"\x0403SL\x05" in asked
+        answered = b"".join(data for way, data in it.wire if way == "rx")
+        assert b"\x06" in answered
+        it.twin._carried_out = lambda line: ("\x15", 0.0)
+        with pytest.raises(InstrumentError, match="SL50"):
+            it.it.set(50.0)
+    finally:
+        it.close()
 
 
 class _Fake(socketserver.BaseRequestHandler):
