@@ -22,6 +22,8 @@ from rig.contracts.declared.units import same_unit
 
 Place = tuple[Message, Signal]
 """Place of a number: message and signal."""
+REMOTELY = "remote"
+"""A request that is a remote frame of the message."""
 SWITCHED = frozenset({"0", "1", "ON", "OFF"})
 """Words that need no meaning where something is on or off, or has arrived or not."""
 
@@ -54,9 +56,9 @@ def find_signal(database: Database, label: str, path: str) -> Place:
     return places[path]
 
 
-def frame_name(message: Message) -> str:
-    """Identifier and name of a message, as on a bus monitor."""
-    return f"{message.frame_id:0{8 if message.is_extended_frame else 3}X}h ({message.name})"
+def frame_name(message: Message, plus: int = 0) -> str:
+    """Identifier, to which a number is added, and name of a message, as on a bus monitor."""
+    return f"{message.frame_id + plus:0{8 if message.is_extended_frame else 3}X}h ({message.name})"
 
 
 def can_id(message: Message) -> int:
@@ -132,8 +134,8 @@ def wrong_messages(
         for key, path in (("", ask.ask), (".status", ask.status), (".serial", getattr(ask, "serial", None))):
             if path is not None:
                 yield from _of_signal(database, f"{place}{key}", path)
-        if ask.request is not None:
-            yield from _of_command(database, f"{place}.request", ask.request)
+        if ask.request not in (None, REMOTELY):
+            yield from _of_command(database, f"{place}.request", ask.request or "")
         yield from _of_words(database, place, ask, common)
         if ask.scale == 1.0 and ask.offset == 0.0 and place in units:
             yield from _of_unit(database, place, ask.ask or "", units[place], spelled)

@@ -54,7 +54,7 @@ class Ask(Register):
         None,
         description="the line of a question; {channel} and parameters are filled in; can: a signal, MESSAGE.SIGNAL",
     )
-    request: str | None = Field(None, description="can: what is sent to get it, written as a command")
+    request: str | None = Field(None, description="can: what is sent to get it, as a command; or `remote`")
     status: str | None = Field(None, description="can: signal whose words say whether it counts")
     answer: Texts = Field((), description="forms of its answer; left out: `{value}`, or `{state}` if it has words")
     words: dict[str, str] = Field(

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 EXTENDED = 1 << 31
 """Added to an identifier of 29 bits, as in DBC files."""
+REMOTE = 1 << 30
+"""Added to the identifier of a remote frame, which asks for a message; its data say how long that is, no more."""
 
 
 def packed(can_id: int, data: bytes) -> bytes:
-    """Identifier and data: two bytes of identifier, four with the highest bit set if it has 29 bits."""
-    return can_id.to_bytes(4 if can_id & EXTENDED else 2, "big") + data
+    """Identifier and data: two bytes of identifier; four if it has 29 bits (highest bit) or is remote (the next)."""
+    return can_id.to_bytes(4 if can_id & (EXTENDED | REMOTE) else 2, "big") + data
 
 
 def unpacked(message: bytes) -> tuple[int, bytes]:
     """The contrary of `packed`."""
-    size = 4 if message[0] & 0x80 else 2
+    size = 4 if message[0] & 0xC0 else 2
     return int.from_bytes(message[:size], "big"), message[size:]
 
 
@@ -21,4 +23,4 @@ def shown(message: bytes) -> str:
     """A packed frame as programs for CAN print it: `1A0#0102`."""
     can_id, data = unpacked(message)
     digits = 8 if can_id & EXTENDED else 3
-    return f"{can_id & ~EXTENDED:0{digits}X}#{data.hex().upper()}"
+    return f"{can_id & ~(EXTENDED | REMOTE):0{digits}X}#{f'R{len(data)}' if can_id & REMOTE else data.hex().upper()}"

@@ -229,7 +229,7 @@ _OF_LINES = frozenset(
     ("baud", "frame", "flow", "send_end", "reply_end", "echo", "preamble", "request", "reply", "checksum", "skip")
 )
 """Keys of the wire that messages do not have."""
-_OF_MESSAGES = frozenset(("dbc", "cyclic", "counter"))
+_OF_MESSAGES = frozenset(("dbc", "cyclic", "counter", "identifiers_plus"))
 """Keys of the wire that nothing else has."""
 
 
@@ -250,6 +250,8 @@ def _of_messages(table: Instrument) -> Iterator[str]:
             yield "reader.start and reader.fetch are for lines of text; a signal that has to be asked for has a request"
     if source is not None:
         units |= dict.fromkeys(("source.set", "source.setpoint", "source.read"), source.unit)
+    if wire.identifiers_plus and not isinstance(table.parameters.get(wire.identifiers_plus), int):
+        yield f"wire.identifiers_plus: parameters has no whole number {wire.identifiers_plus!r}"
     if not wire.dbc:
         yield f"wire.dbc is missing: {WHERE['dbc']}"
         return

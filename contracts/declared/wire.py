@@ -64,6 +64,9 @@ class Wire(Strict):
     cyclic: dict[str, Annotated[float, Field(ge=0.005, le=60)]] = Field(
         {}, description="can: messages that it wants again and again, with the seconds from one to the next"
     )
+    identifiers_plus: str = Field(
+        "", description="can: parameter that is added to the identifiers of the DBC, such as a node number"
+    )
     counter: str = Field(
         "", description="can: signal that counts messages; one that repeats its number is of a hanging instrument"
     )

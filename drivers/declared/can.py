@@ -18,6 +18,7 @@ from cantools.database.namedsignalvalue import NamedSignalValue
 from rig.contracts.declared import dbc
 from rig.contracts.declared.exchanges import Ask, Check, Tell
 from rig.contracts.declared.forms import Form
+from rig.contracts.declared.frames import REMOTE
 from rig.contracts.declared.instrument import Instrument
 from rig.contracts.declared.wire import Identity
 from rig.drivers.clock import Clock
@@ -60,6 +61,7 @@ class CanTalk(Talk):
         self.line = wires.can(address, name)
         super().__init__(table, clock, self.line.where)
         self._parameters = parameters
+        self._plus = int(parameters[table.wire.identifiers_plus]) if table.wire.identifiers_plus else 0
         self._dbc = dbc.read_dbc(table.wire.dbc)
         self._readings = {id(ask) for place, ask in table.asks() if place.endswith((".reading", ".confirm"))}
         self._heard: dict[str, tuple[float, Number]] = {}  # by signal: when it came, and what it is
@@ -73,7 +75,7 @@ class CanTalk(Talk):
         self._owed = False  # whether an answer may still come
         self._misfit, self._repeated = "", 0
         for message in {one.name: one for one in self._awaited()}.values():
-            self.line.listen(dbc.can_id(message), partial(self._hear, message))
+            self.line.listen(self._id(message), partial(self._hear, message))
 
     def _awaited(self) -> Iterator[Message]:
         """Messages with a signal that the file asks for."""
@@ -86,6 +88,9 @@ class CanTalk(Talk):
     def _place(self, path: str) -> dbc.Place:
         return dbc.find_signal(self._dbc, "", path)
 
+    def _id(self, message: Message) -> int:
+        return dbc.can_id(message) + self._plus
+
     def _period_s(self, message: Message) -> float:
         return message.cycle_time / 1000.0 if message.cycle_time else self.table.wire.period_s
 
@@ -97,7 +102,7 @@ class CanTalk(Talk):
                 raise DecodeError(f"{len(data)} bytes instead of {message.length}")
             values: Mapping[str, Number] = message.decode(data[: message.length])  # type: ignore[assignment]  # no container
         except (DecodeError, KeyError) as error:  # a group of a multiplexed message that the DBC does not have
-            self._misfit = f"{dbc.frame_name(message)} {data.hex()} does not fit the DBC ({error})"
+            self._misfit = f"{dbc.frame_name(message, self._plus)} {data.hex()} does not fit the DBC ({error})"
             return
         count = values.get(self.table.wire.counter)
         if count is not None:
@@ -136,7 +141,7 @@ class CanTalk(Talk):
         return [self._heard[path][1] for path in paths]
 
     def _silent(self, paths: Sequence[str], what: str) -> NoReply:
-        names = " and ".join(dict.fromkeys(dbc.frame_name(self._place(path)[0]) for path in paths))
+        names = " and ".join(dict.fromkeys(dbc.frame_name(self._place(path)[0], self._plus) for path in paths))
         why = (
             "is it powered, terminated, and set to these identifiers and bit rate? "
             "A message that comes more rarely needs period_s"
@@ -184,7 +189,11 @@ class CanTalk(Talk):
                     self._pump(left)
                 self._owed = False
             self._forget(paths)
-            self._send(ask.request or "", holes)
+            if ask.request == dbc.REMOTELY:
+                for message in {one.name: one for one, _ in map(self._place, paths)}.values():
+                    self.line.send(self._id(message) | REMOTE, bytes(message.length))
+            else:
+                self._send(ask.request or "", holes)
             try:
                 return self._await(paths, -math.inf, seconds, f", asked by {ask.request!r}")
             except NoReply:
@@ -278,9 +287,9 @@ class CanTalk(Talk):
         except (EncodeError, KeyError, OverflowError) as error:
             raise LimitError(f"{self.where}: {text!r} does not fit into its message: {error}") from None
         if period_s := self.table.wire.cyclic.get(name, 0.0):
-            self.line.repeat(dbc.can_id(message), data, period_s)
+            self.line.repeat(self._id(message), data, period_s)
         else:
-            self.line.send(dbc.can_id(message), data)
+            self.line.send(self._id(message), data)
         self._told = self.clock.now()
         return text
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import can
 
-from rig.contracts.declared.frames import EXTENDED
+from rig.contracts.declared.frames import EXTENDED, REMOTE
 from rig.drivers.wires.addresses import CanAddress
 
 logging.getLogger("can").addHandler(logging.NullHandler())  # it prints errors that we raise
@@ -63,8 +63,11 @@ class BusTransport:
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send a frame."""
-        extended = bool(can_id & EXTENDED)
-        message = can.Message(arbitration_id=can_id & ~EXTENDED, data=data, is_extended_id=extended)
+        number, extended = can_id & ~(EXTENDED | REMOTE), bool(can_id & EXTENDED)
+        if can_id & REMOTE:
+            message = can.Message(arbitration_id=number, is_remote_frame=True, dlc=len(data), is_extended_id=extended)
+        else:
+            message = can.Message(arbitration_id=number, data=data, is_extended_id=extended)
         with self._sending:
             self._open().send(message)
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Check, Tell
 from rig.contracts.declared.forms import Form
+from rig.contracts.declared.frames import REMOTE
 from rig.sims.declared.behaviour import OVERLOAD, Behaviour, Refused, Said
 from rig.sims.physics import WorldError
 from rig.sims.twin import Accuracy
@@ -51,16 +52,21 @@ class FramesTwin(Behaviour):
             message, _, signal = path.partition(".")
             if signal not in self._messages[message].signals:
                 raise WorldError(f"{name}: the simulated instrument cannot read {path} of its DBC")
+        plus = self.table.wire.identifiers_plus
+        self._plus = int(str(options.get(plus, self.table.parameters[plus]))) if plus else 0
         self._parameters = {key: str(options.get(key, default)) for key, default in self.table.parameters.items()}
         self._asks: dict[str, list[tuple[str, Ask]]] = {}  # questions by signal
         self._status: dict[str, list[Ask]] = {}
         self._meanings: dict[int, str] = {}  # of the latest reading, by its question
         self._commands: dict[str, list[_Command]] = {}
+        self._remote: dict[str, str] = {}  # messages that are asked for by remote frames, with a place in the file
         for place, ask in self.table.asks():
             self._asks.setdefault(ask.ask or "", []).append((place, ask))
             if ask.status is not None:
                 self._status.setdefault(ask.status, []).append(ask)
-            if ask.request is not None:
+            if ask.request == "remote":
+                self._remote |= {path.partition(".")[0]: place for path in _paths(ask)}
+            elif ask.request is not None:
                 self._known(place, ask, ask.request)
         for place, tell in self.table.tells():
             self._known(place, tell, tell.tell or "")
@@ -161,7 +167,7 @@ class FramesTwin(Behaviour):
                 every[one.group] = True
         asked: list[int | None] = [group for group in sorted(every) if every[group]]
         for group in asked or [min(every, default=None)]:
-            tx(message.can_id, message.pack(dict(self._values(name, message, group))))
+            tx(message.can_id + self._plus, message.pack(dict(self._values(name, message, group))))
 
     def _is_asked(self, path: str) -> bool:
         return path in self._asks or path in self._status or path in self._digits or path == self.table.errors.ask
@@ -259,9 +265,14 @@ class FramesTwin(Behaviour):
 
     def on_frame(self, can_id: int, data: bytes, tx: Transmit) -> None:
         """Take a frame from the bus; its own frames go to `tx` later."""
+        if can_id & REMOTE:
+            for name, place in self._remote.items():
+                if self._messages[name].can_id + self._plus == can_id & ~REMOTE:
+                    self.world.call_in(self.takes_s(place) or _REPLY_S, partial(self._reply, name, tx))
+            return
         for name, commands in self._commands.items():
             message = self._messages[name]
-            if message.can_id != can_id or len(data) < message.length:
+            if message.can_id + self._plus != can_id or len(data) < message.length:
                 continue
             self._watched(name)
             before = self._seen.get(name) if name in self.table.wire.cyclic else None
@@ -335,7 +346,7 @@ class FramesTwin(Behaviour):
     def _acknowledge(self, path: str, value: float, tx: Transmit) -> None:
         name, _, key = path.partition(".")
         message = self._messages[name]
-        tx(message.can_id, message.pack({**message.group_of(key), key: value}))
+        tx(message.can_id + self._plus, message.pack({**message.group_of(key), key: value}))
 
 
 def _paths(ask: Ask) -> Iterator[str]:

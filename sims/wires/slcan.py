@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import inf
 
-from rig.contracts.declared.frames import EXTENDED
+from rig.contracts.declared.frames import EXTENDED, REMOTE
 from rig.sims.wires.can_line import Connected, OnFrame
 
 _DONE, _REFUSED = b"\r", b"\a"
@@ -70,9 +70,8 @@ class SlcanAdapter:
             return _REFUSED
         if length > 8 or len(data) != (0 if remote else length) or can_id > (0x1FFFFFFF if extended else 0x7FF):
             return _REFUSED
-        if not remote:  # the instruments here know none
-            can_id |= EXTENDED if extended else 0
-            self._on_frame(can_id, data, lambda can_id, data: self._from_bus(can_id, data, tx))
+        can_id |= (EXTENDED if extended else 0) | (REMOTE if remote else 0)
+        self._on_frame(can_id, bytes(length) if remote else data, lambda can_id, data: self._from_bus(can_id, data, tx))
         return b"Z\r" if extended else b"z\r"
 
     def _from_bus(self, can_id: int, data: bytes, tx: Callable[[bytes], None]) -> None:

@@ -12,7 +12,7 @@ import can
 import canopen
 import pytest
 
-from rig.contracts.declared.frames import EXTENDED
+from rig.contracts.declared.frames import EXTENDED, REMOTE
 from rig.drivers.clock import RealClock
 from rig.drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
 from rig.drivers.wires.addresses import CanAddress
@@ -336,6 +336,19 @@ def test_frames_of_other_kinds_do_not_hide_ours():
         assert transport.recv(1.0) == (0x6A3 | EXTENDED, b"\x01")  # another frame than that with 11 bits
         assert transport.recv(1.0) == (0x6A3, b"\x02")
         assert transport.recv(0.0) is None
+    finally:
+        theirs.shutdown()
+        transport.close()
+
+
+def test_a_remote_frame_is_one_on_the_bus():
+    theirs = can.Bus("remote", "virtual")
+    transport = BusTransport(CanAddress.parse("can:virtual/remote"))
+    try:
+        transport.send(0x123 | REMOTE, bytes(4))
+        heard = theirs.recv(1.0)
+        assert heard is not None
+        assert (heard.arbitration_id, heard.is_remote_frame, heard.dlc, heard.is_extended_id) == (0x123, True, 4, False)
     finally:
         theirs.shutdown()
         transport.close()

@@ -11,7 +11,7 @@ from declared_bench import DeclaredBench
 
 from rig.bench.plugins import driver_class
 from rig.contracts.declared.beside import with_dbc
-from rig.contracts.declared.frames import packed
+from rig.contracts.declared.frames import packed, shown, unpacked
 from rig.contracts.declared.instrument import parse
 from rig.contracts.declared.replay import replayed
 from rig.drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
@@ -165,6 +165,25 @@ def test_a_chamber_is_set_read_and_made_safe_by_messages():
         assert [data for way, data in it.wire if way == "tx"][-1] == packed(256, b"\x00\x00\x88\x13")  # 50.00, off
     finally:
         it.close()
+
+
+def test_the_identifiers_may_depend_on_a_node_number():
+    text = CHAMBER.replace("{ code = 90 }", "{ code = 90, node = 16 }").replace("[identity]", "XX[identity]", 1)
+    text = text.replace("XX", 'identifiers_plus = "node"\n')
+    it = DeclaredBench(whole(text), protocol="can", more="node = 3")
+    try:
+        it.it.identify()
+        it.it.prepare()
+        it.it.set(50.0)
+        assert it.it.read().output
+        assert {data[:2] for way, data in it.wire if way == "tx"} == {b"\x01\x03", b"\x01\x04"}
+        it.twin._say = lambda *_: None
+        it.sleep(20.0)
+        with pytest.raises(NoReply, match=r"no frame 203h \(State\)"):
+            it.it.read()
+    finally:
+        it.close()
+    assert "parameters has no whole number 'nod'" in refused(text.replace('plus = "node"', 'plus = "nod"'))
 
 
 def test_a_cyclic_command_goes_on_while_nobody_talks_and_ends_with_the_driver():
@@ -389,6 +408,21 @@ def test_a_reading_may_be_asked_for_and_a_late_answer_is_not_the_next_ones():
         it.twin._reply = replies
         it.it.start(1)
         assert abs(it.it.fetch()["input"][0]) < 1.0
+    finally:
+        it.close()
+
+
+@pytest.mark.parametrize("extended", [False, True])
+def test_a_reading_may_be_asked_for_by_a_remote_frame(extended):
+    dbc = PROBE_DBC.replace("BO_ 33 ", "BO_ 2147483681 ").replace("_ 33 ", "_ 2147483681 ") if extended else PROBE_DBC
+    it = bench(LOAD.replace('"Ask: Channel = 2"', '"remote"'), dbc)
+    try:
+        it.it.identify()
+        it.it.start(2)
+        assert len(it.it.fetch()["input"]) == 2
+        (asked,) = {data for way, data in it.wire if way == "tx"}
+        assert shown(asked) == ("00000021#R4" if extended else "021#R4")
+        assert unpacked(asked)[0] == 33 | 1 << 30 | extended << 31
     finally:
         it.close()
 
