@@ -21,7 +21,8 @@ test-peers: $(STAMP)
 test-kernels: $(STAMP)
 	@tools/kernels
 
-# The live page in a real Chromium, which has to be installed; says so if it is not. Pictures go to PAGE_PICTURES.
+# The live page in a real Chromium, which has to be installed; says so if it is not. Pictures go to PAGE_PICTURES; AXE may
+# name the axe.min.js of axe-core, which then finds no barrier on any page.
 test-page: $(STAMP)
 	@cd tests/page && ../../.venv/bin/python chromium.py && ../../.venv/bin/pytest -q -p no:cacheprovider live_page.py serve_page.py new_page.py people_page.py drift_page.py
 

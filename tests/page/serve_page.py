@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from chromium import Page, chromium
 from lab_people import WORD, laboratory
-from live_page import free_port, no_sideways, wait
+from live_page import free_port, no_barriers, no_sideways, wait
 
 PICTURES = Path(os.environ.get("PAGE_PICTURES", "/tmp/pictures"))
 SHORT = """
@@ -82,6 +82,7 @@ class Visitor:
             self.page.size(width, 800, dark=dark)
             wait(0.3)
             no_sideways(self.page, width)
+            no_barriers(self.page, f"{name} at {width}")
             self.page.picture(PICTURES / f"serve-{name}-{width}.png")
 
     @property
