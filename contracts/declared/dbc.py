@@ -17,7 +17,7 @@ from cantools.database.can import Database, Message, Signal
 from cantools.database.errors import Error
 
 from rig.contracts.declared.exchanges import Ask, Tell
-from rig.contracts.declared.frames import EXTENDED
+from rig.contracts.declared.frames import EXTENDED, shown_id
 from rig.contracts.declared.units import same_unit
 
 Place = tuple[Message, Signal]
@@ -58,7 +58,7 @@ def find_signal(database: Database, label: str, path: str) -> Place:
 
 def frame_name(message: Message, plus: int = 0) -> str:
     """Identifier, to which a number is added, and name of a message, as on a bus monitor."""
-    return f"{message.frame_id + plus:0{8 if message.is_extended_frame else 3}X}h ({message.name})"
+    return f"{shown_id(can_id(message) + plus)} ({message.name})"
 
 
 def can_id(message: Message) -> int:

@@ -19,8 +19,12 @@ def unpacked(message: bytes) -> tuple[int, bytes]:
     return int.from_bytes(message[:size], "big"), message[size:]
 
 
+def shown_id(can_id: int) -> str:
+    """An identifier as it is shown, `1A0h`; one of 29 bits has eight digits."""
+    return f"{can_id & ~(EXTENDED | REMOTE):0{8 if can_id & EXTENDED else 3}X}h"
+
+
 def shown(message: bytes) -> str:
     """A packed frame as programs for CAN print it: `1A0#0102`."""
     can_id, data = unpacked(message)
-    digits = 8 if can_id & EXTENDED else 3
-    return f"{can_id & ~(EXTENDED | REMOTE):0{digits}X}#{f'R{len(data)}' if can_id & REMOTE else data.hex().upper()}"
+    return f"{shown_id(can_id)[:-1]}#{f'R{len(data)}' if can_id & REMOTE else data.hex().upper()}"

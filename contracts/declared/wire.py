@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from rig.contracts.declared.exchanges import Ask, Strict, Texts
 from rig.contracts.declared.sums import Checksum, Replies
@@ -70,6 +70,12 @@ class Wire(Strict):
     counter: str = Field(
         "", description="can: signal that counts messages; one that repeats its number is of a hanging instrument"
     )
+
+    @field_validator("checksum", mode="before")
+    @classmethod
+    def _none(cls, given: object) -> object:
+        """Files of before checksums were tables had an empty text for none."""
+        return None if given == "" else given
 
     @property
     def by_frame(self) -> bool:

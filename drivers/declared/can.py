@@ -18,7 +18,7 @@ from cantools.database.namedsignalvalue import NamedSignalValue
 from rig.contracts.declared import dbc
 from rig.contracts.declared.exchanges import Ask, Check, Tell
 from rig.contracts.declared.forms import Form
-from rig.contracts.declared.frames import REMOTE
+from rig.contracts.declared.frames import REMOTE, shown_id
 from rig.contracts.declared.instrument import Instrument
 from rig.contracts.declared.wire import Identity
 from rig.drivers.clock import Clock
@@ -133,6 +133,7 @@ class CanTalk(Talk):
         """Values of signals that came since a time. Raises `NoReply`."""
         end = max(since, self.clock.now()) + seconds + self.clock.grace()
         self._repeated, self._misfit = 0, ""
+        self.line.heard.clear()
         while missing := [path for path in paths if path not in self._heard or self._heard[path][0] < since]:
             left = end - self.clock.now()
             if left <= 0:
@@ -148,7 +149,9 @@ class CanTalk(Talk):
         )
         if self._repeated:
             why = f"{self._repeated} frames repeat their {self.table.wire.counter}: it hangs; switch it off and on"
-        return NoReply(f"{self.where}{what}: no frame {names} came; {self._misfit or why}")
+        others = ", ".join(shown_id(one) for one in sorted(self.line.heard))
+        there = f" (heard instead: {others})" if others else " (nothing is heard on this bus)"
+        return NoReply(f"{self.where}{what}: no frame {names} came{there}; {self._misfit or why}")
 
     def once(self, ask: Ask, holes: Holes = NOTHING, timeout_s: float | None = None, *, repeat: bool = True) -> Answer:
         """The value of a signal. Raises `NoReply`, `BadReply`, `InstrumentError`."""

@@ -39,6 +39,11 @@ class CanLine:
         self._tap = tap
         self.where = f"{label} at {address}" if label else address
 
+    @property
+    def heard(self) -> dict[int, None]:
+        """Identifiers of some frames of anybody since this was cleared."""
+        return self._bus.heard
+
     def node(self, node: int, dictionary: ObjectDictionary, timeout_s: float = 0.3) -> CanNode:
         """One of its nodes.
 

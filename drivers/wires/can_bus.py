@@ -25,6 +25,7 @@ BUS_ERRORS = (OSError, can.CanError)
 
 _QUIET_S = 0.05  # chosen; nodes answer an SDO request within some milliseconds
 _SDO_REPLIES = range(0x581, 0x600)  # 580h and the node, 1 to 127 (CiA 301)
+_MOST_SHOWN = 12  # identifiers in a message; chosen
 _TALKS_ON_S = 5.0  # chosen: a bus that still sends then has another master
 
 
@@ -36,6 +37,9 @@ class CanBus:
         clock: bench time.
         opener: makes the transport of a simulated bus; may raise `OSError`.
 
+    Attributes:
+        heard: identifiers of the first frames since this was cleared.
+
     Raises:
         Unreachable: it cannot be opened.
     """
@@ -46,6 +50,7 @@ class CanBus:
         self._open = opener or partial(BusTransport, address)
         self._log: Callable[[str, bytes], None] = _unlogged
         self._newest = 0
+        self.heard: dict[int, None] = {}
         self._repeated: dict[int, tuple[bytes, float]] = {}
         self._transport: CanTransport | None = self._opened(f"{address.interface} {address.channel}")
 
@@ -75,6 +80,8 @@ class CanBus:
             return False
         can_id, data = frame
         self._newest = can_id
+        if len(self.heard) < _MOST_SHOWN:
+            self.heard[can_id] = None
         self._log("rx", packed(can_id, data))
         self.network.notify(can_id, bytearray(data), 0.0)
         return True

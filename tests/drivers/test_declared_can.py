@@ -259,7 +259,12 @@ def test_another_product_is_refused_and_silence_is_said_to_be_silence():
     it = bench()
     try:
         it.twin._say = lambda *_: None
-        with pytest.raises(NoReply, match=r"no frame 201h \(Product\) came; is it powered"):
+        with pytest.raises(NoReply, match=r"no frame 201h \(Product\) came \(nothing is heard on this bus\); is it"):
+            it.it.identify()
+        for n in range(8):
+            for can_id in (0x301, 0x18FECA15 | 1 << 31):
+                it.dry.world.call_in(0.5 * n, lambda can_id=can_id: it.twin._tx(can_id, b"\x01"))
+        with pytest.raises(NoReply, match=r"201h \(Product\) came \(heard instead: 301h, 18FECA15h\)"):
             it.it.identify()
     finally:
         it.close()

@@ -13,6 +13,7 @@ from command import rig
 from declared_bench import DeclaredBench
 
 from rig.bench.plugins import driver_class
+from rig.contracts.declared.instrument import parse
 from rig.contracts.declared.sums import NAMED, Checksum, Frame
 from rig.drivers.errors import BadReply, InstrumentError, NoReply, WrongInstrument
 from rig.errors import ConfigurationError
@@ -107,6 +108,10 @@ def bench(wire: str, more: str = "") -> DeclaredBench:
 def test_kinds_by_the_check_values_of_catalogues(kind, right):
     """Those of the catalogue of parametrised CRC algorithms (G. Cook): the result for 123456789."""
     assert Checksum(kind=kind).of(b"123456789") == right
+
+
+def test_a_file_of_before_that_says_that_it_has_no_checksum_is_read():
+    assert parse(SOURCE.replace("WIRE", 'checksum = ""')).wire.checksum is None
 
 
 def test_a_crc_by_its_parameters_is_the_named_one():
