@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
+import can
 import cantools.database
 import pytest
 from declared_bench import DeclaredBench
 
-from rig.bench.plugins import driver_class
+from rig.bench.plugins import declared, driver_class
 from rig.contracts.declared.beside import with_dbc
 from rig.contracts.declared.frames import packed, shown, unpacked
 from rig.contracts.declared.instrument import parse
 from rig.contracts.declared.replay import replayed
+from rig.drivers.clock import RealClock
 from rig.drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
 from rig.drivers.roles import OVERLOAD
 from rig.errors import ConfigurationError
+from rig.verbs.instrument.scan import scan
 
+THERMOCOUPLES = cantools.database.load_string(parse(declared()["css-canmod-temp"]).wire.dbc, "dbc")
+TOP = [one.name for one in THERMOCOUPLES.get_message_by_name("ThermocoupleHrTop").signals]
 CHAMBER_DBC = """VERSION ""
 BU_: Controller Chamber
 BO_ 256 Command: 4 Controller
@@ -550,3 +556,29 @@ def test_the_text_of_a_file_stands_for_itself(tmp_path: Path):
     text = whole(CHAMBER)
     assert whole(text, "another") == text
     assert "\n" in parse(text).wire.dbc
+
+
+def test_a_scan_of_a_bus_says_what_is_heard_there(monkeypatch):
+    quick = declared()["css-canmod-temp"].replace('protocol = "can"', 'protocol = "can"\ntimeout_s = 0.05')
+    monkeypatch.setattr("rig.verbs.instrument.scan.declared", lambda: {"css-canmod-temp": quick})
+    theirs = can.Bus("scanned", "virtual")
+    data = THERMOCOUPLES.encode_message("ThermocoupleHrTop", {one: 25 if "Temp" in one else 0 for one in TOP})
+    sent, stop = [can.Message(arbitration_id=0x77, data=b"\x01", is_extended_id=False)], threading.Event()
+
+    def talk() -> None:
+        while not stop.wait(0.01):
+            for one in sent:
+                theirs.send(one)
+
+    thread = threading.Thread(target=talk, daemon=True)
+    thread.start()
+    try:
+        with pytest.raises(NoReply, match=r"ThermocoupleHrTop\) came \(heard instead: 077h\)"):
+            list(scan("can:virtual/scanned", RealClock()))
+        sent.append(can.Message(arbitration_id=2, data=data, is_extended_id=False))
+        found = list(scan("can:virtual/scanned", RealClock()))
+        assert found == [("css-canmod-temp", "CSS Electronics CANmod.temp")]
+    finally:
+        stop.set()
+        thread.join()
+        theirs.shutdown()

@@ -60,6 +60,8 @@ def scan(address: str, clock: Clock, only: Sequence[str] = ()) -> Iterator[tuple
     tables = {name: parse(text) for name, text in texts.items()}
     tables = {name: one for name, one in tables.items() if _asked_at(one, address)}
     silent: set[tuple[object, ...]] = set()
+    missing: NoReply | None = None
+    known = False
     with locked_addresses({"scan": Place(address)}):
         if not address.startswith(("modbus-", "visa://", "can:")):
             _heard(address, tables.values(), clock)
@@ -74,10 +76,11 @@ def scan(address: str, clock: Clock, only: Sequence[str] = ()) -> Iterator[tuple
                 found = driver(name, address, driver.Options(), wires, clock).identify()
             except Unreachable:
                 raise
-            except NoReply:
+            except NoReply as error:
                 if table.modbus:  # a device that is there answers every question, at least that it has no such register
                     raise
                 silent.add(key)
+                missing = error if table.can else missing
                 continue
             except DriverError as error:
                 if name == "*IDN?":
@@ -85,7 +88,10 @@ def scan(address: str, clock: Clock, only: Sequence[str] = ()) -> Iterator[tuple
                 continue
             finally:
                 wires.close()
+            known = True
             yield name, f"{found.maker} {found.model} {found.serial}".strip()
+    if missing is not None and not known:  # it says what is heard on the bus instead
+        raise missing
 
 
 def _asked_at(table: Instrument, address: str) -> bool:
