@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import socket
 import subprocess
 import sys
@@ -183,7 +184,13 @@ def test_an_interrupted_run_says_how_to_carry_on_and_a_folder_lists_it(tmp_path:
         no_sideways(page, 360)
         no_barriers(page, "at 360")
         page.picture(PICTURES / "folder-360.png")
-        page.ask("document.querySelector('.runs a').click()")
+        (first,) = tmp_path.glob("*.sqlite")
+        page.ask("document.querySelector('.runs a').focus()")
+        shutil.copy(first, tmp_path / "another.sqlite")
+        page.ask("again()")
+        page.until("document.querySelectorAll('.runs li').length === 2")
+        assert page.ask("document.activeElement.getAttribute('href')") == f"/run/{first.stem}"
+        page.ask("document.activeElement.click()")
         page.until("document.getElementById('notrunning')?.hidden === false")
         assert "rig resume" in page.ask("document.getElementById('notrunning').textContent")
         page.until("document.querySelectorAll('#sessions tbody tr').length === 1")
