@@ -207,6 +207,32 @@ def test_a_cyclic_command_goes_on_while_nobody_talks_and_ends_with_the_driver():
         it.close()
 
 
+def test_a_request_for_the_identity_may_be_a_sign_of_life_that_goes_on():
+    text = LOAD.replace('request = "Ask: Channel = 2"', 'request = "Ask: Channel = 1"', 1)
+    it = bench(text.replace("[identity]", "cyclic = { Ask = 0.5 }\n[identity]"), PROBE_DBC)
+    try:
+        heard = []
+        it.dry.sim.wire("it").begins = heard.append
+        it.it.identify()
+        it.sleep(5.2)
+        assert len(heard) == 11
+    finally:
+        it.close()
+
+
+def test_a_number_of_the_dbc_may_be_a_word():
+    text = PROBE.replace(', status = "Readings.State1"', ', words = { "99.99" = "error: no sensor" }')
+    it = bench(text, PROBE_DBC)
+    try:
+        foreign = Foreign(it, PROBE_DBC)
+        it.it.start(1)
+        foreign.sends(0.1, "Readings", Group=0, Count=1, T1=99.99, State1=0)
+        with pytest.raises(InstrumentError, match="no sensor"):
+            it.it.fetch()
+    finally:
+        it.close()
+
+
 def test_a_second_session_does_not_switch_off_what_is_on():
     """A message has the signals that a command does not name, too: what the instrument says is on stays on."""
     it = bench()
