@@ -49,12 +49,31 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
         checked[name] = validated(cls.Options, options, f"{where}: instruments.{name}", strict=strict)
         if strict and instrument.address:
             _check_wire(instrument.address, checked[name], f"{where}: instruments.{name}")
+    if strict:
+        _check_columns(config, where)
     _check_limit_names(config, where)
     _check_rates(config, checked, where)
     _check_interlocks(config, where)
     _check_references(config, where)
     _check_safety(config, checked, where)
     return checked
+
+
+def _check_columns(config: BenchConfig, where: str) -> None:
+    """Refuse a sensor whose column is that of a factor: one would stand in the table in place of the other."""
+    others = (
+        ("factors", set(config.factors)),
+        ("references", set(config.references)),
+        ("temperatures", set(config.temperatures)),
+    )
+    for name, sensor in config.sensors.items():
+        column = f"{name}_{sensor.unit}"
+        for table, names in others:
+            if column in names:
+                raise ConfigurationError(
+                    f"{where}: sensors.{name} is recorded as {column}, which is {table}.{column}, too: name the sensor "
+                    f"otherwise, such as {name}_reading"
+                )
 
 
 def _may_share(cls: DriverClass) -> bool:

@@ -9,6 +9,7 @@ import tempfile
 
 import pytest
 
+from rig.bench.bench_file import check_options
 from rig.bench.config import InstrumentConfig, parse_bench, parse_toml
 from rig.errors import BusyError, ConfigurationError
 from rig.instruments.locks import locked_addresses
@@ -120,3 +121,13 @@ def test_a_factor_with_two_instruments_is_told_by_its_name():
     text = 'name = "b"\n[factors]\nforce_kN = "one"\nforce_kN = "two"\n'
     with pytest.raises(ConfigurationError, match="force_kN has a value already; give it one"):
         parse_toml(text, "bench.toml")
+
+
+def test_a_sensor_whose_column_is_that_of_a_factor_is_refused():
+    """Its readings stood in the table in place of the settings, and a fit of them was perfect."""
+    text = GOOD.replace('axis = "x"', 'unit = "V"').replace("[sensors.x]", "[sensors.input]")
+    source = '[instruments.source]\ndriver = "fluke-5520a"\naddress = "/dev/rig/source"\n'
+    bench = parse_bench(f'{text}{source}[factors]\ninput_V = "source"\n', "bench.toml")
+    with pytest.raises(ConfigurationError, match=r"recorded as input_V, which is factors\.input_V, too"):
+        check_options(bench, "bench.toml")
+    check_options(bench, "run file", strict=False)
