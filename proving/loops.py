@@ -24,7 +24,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from proving.crashes.loops import Silent
 from rig.bench.config import parse_toml
 from rig.drivers.clock import RealClock
 from rig.engine.session import Signals
@@ -33,6 +32,7 @@ from rig.files.toml_text import toml_text
 from rig.fitter.confirm.prediction import prediction_errors
 from rig.loop import Program, start_loop
 from rig.loop.evaluation import Evaluation
+from rig.run_file.chain import Record
 from rig.verbs.confirm import open_traced
 
 HOURS = 14.0
@@ -89,6 +89,16 @@ class Outcome:
     by_trace: str = ""
     held: tuple[tuple[str, bool, bool], ...] = ()
     said: str = ""
+
+
+class Silent:
+    """Is told what a loop does, and says nothing."""
+
+    def run_begins(self, path: Path) -> None:
+        """A run begins."""
+
+    def says(self, record: Record) -> None:
+        """A record of the loop."""
 
 
 def _lab(name: str, seed: int, procedure: str = "procedure.toml") -> tuple[Values, Values, Values, random.Random]:

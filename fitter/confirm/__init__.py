@@ -1,6 +1,6 @@
 """A further run compared with a traced one: the remaining explanation, and the expected result of a planned run."""
 
-from rig.fitter.confirm.compare import CARRIED_ON, NOTHING, Pair
+from rig.fitter.confirm.compare import CARRIED_ON, NOTHING, Pair, lasting
 from rig.fitter.confirm.judgement import BY_BOTH, Confirmation, Confirmed, Member, confirm, confirm_all
 from rig.fitter.confirm.points import Choice, Points
 from rig.fitter.confirm.predict import Separation, separation
@@ -28,6 +28,7 @@ __all__ = [
     "Together",
     "confirm",
     "confirm_all",
+    "lasting",
     "questions_of",
     "separation",
     "still_open",

@@ -30,6 +30,8 @@ LITTLE = 1e-9
 AT_ONCE = 0.2
 """Largest share of the points that is removed together."""
 EXCHANGES = 8
+KEPT = 3
+"""Number of choices whose fits a rival keeps: one, that without a unit, and that with another in its place."""
 SHORT = 0.8
 """Share of a required distance that exchanges can make up for."""
 
@@ -58,7 +60,18 @@ class Rival:
         return self.refitted(chosen)[2]
 
     def refitted(self, chosen: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(p, p) inverse, (T, p) coefficients of the rival fitted to true predictions, (T,) squared distances."""
+        """(p, p) inverse, (T, p) coefficients of the rival fitted to true predictions, (T,) squared distances.
+
+        The last ones are kept: a choice is asked for its distances, and then for what its units change.
+        """
+        key = chosen.tobytes()
+        if key not in self._refitted:
+            while len(self._refitted) >= KEPT:
+                self._refitted.pop(next(iter(self._refitted)))
+            self._refitted[key] = self._refit(chosen)
+        return self._refitted[key]
+
+    def _refit(self, chosen: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray, FloatArray]:
         z, f = self.later[chosen], self.true_later[:, chosen]
         flat = z.reshape(-1, z.shape[2])
         inverse = np.linalg.inv(self.first + flat.T @ flat)
@@ -66,6 +79,10 @@ class Rival:
         weights = cross @ inverse
         square = self.true_first[:, -1] + np.sum(f**2, axis=(1, 2)) - np.sum(weights * cross, axis=1)
         return np.asarray(inverse, np.float64), weights, np.asarray(np.maximum(square, 0.0))
+
+    @cached_property
+    def _refitted(self) -> dict[bytes, tuple[FloatArray, FloatArray, FloatArray]]:
+        return {}
 
     def left(self, weights: FloatArray, units: IntArray) -> FloatArray:
         """(T, u, m) what the rival with coefficients (T, p) leaves of true predictions in some units."""

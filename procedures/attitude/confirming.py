@@ -47,6 +47,7 @@ class AttitudeConfirming(Confirming):
 
     traced: AttitudeTraced
     earlier: tuple[Later, ...] = ()
+    stands_degC: float | None = None
 
     unit = "deg"
     output_unit = "V"
@@ -132,9 +133,11 @@ class AttitudeConfirming(Confirming):
 
     def hours(self, variation: Variation, run_list: RunList) -> float:
         """Bench time of a run, hours, from that of this run."""
-        procedure: PitchRollProcedure = variation.procedure
-        soak = procedure.environment.dwell_s if procedure.environment is not None else 0.0
-        return (len(run_list) * _point_s(self.data, run_list) + soak) / 3600.0
+        return (len(run_list) * _point_s(self.data, run_list) + self.settling_s(variation)) / 3600.0
+
+    def at_rest(self, degC: float | None) -> AttitudeConfirming:
+        """This run as one after which the enclosure stands at a setting."""
+        return replace(self, stands_degC=degC)
 
     def size(self, procedure: PitchRollProcedure) -> str:
         """Points and replications, for a table."""

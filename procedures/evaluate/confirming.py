@@ -37,6 +37,8 @@ class Confirming(ABC):
         per_slope: conversion of an error of the output over the slope to `unit`.
         drawn: unit of plots, and its number per `unit`.
         caution: note about the accuracy of expected standard errors between two explanations; "" if they are accurate.
+        stands_degC: setting at which the environment stands before a further run, so that it need not settle again;
+            None if it does not.
     """
 
     traced: Any
@@ -46,6 +48,7 @@ class Confirming(ABC):
     per_slope: float
     drawn: tuple[str, float]
     caution = ""
+    stands_degC: float | None = None
 
     def unit_for(self, output: str) -> str:
         """Unit in which errors of one output are said."""
@@ -56,6 +59,17 @@ class Confirming(ABC):
         this: Any = self
         after: Self = replace(this, earlier=tuple(earlier))
         return after
+
+    def at_rest(self, degC: float | None) -> Self:
+        """This run as one after which the environment stands at a setting; kinds without an environment ignore it."""
+        return self
+
+    def settling_s(self, variation: Variation) -> float:
+        """Time for which the environment settles before the first point of a further run, seconds."""
+        environment = getattr(variation.procedure, "environment", None)
+        if environment is None or (self.stands_degC == environment.setpoint_degC and not variation.touched):
+            return 0.0
+        return float(environment.dwell_s)
 
     @property
     def found(self) -> Any:

@@ -74,6 +74,7 @@ class GeneralConfirming(Confirming):
 
     traced: RunTraced
     earlier: tuple[Later, ...] = ()
+    stands_degC: float | None = None
 
     per_slope = 1.0
     passes = 1, 2, 4
@@ -202,7 +203,12 @@ class GeneralConfirming(Confirming):
     def hours(self, variation: Variation, run_list: RunList) -> float:
         """Bench time of a run, hours, from that of this run."""
         point, soak = self._times_s
-        return (len(run_list) * (point + variation.wait_s) + run_list.whole_plots * soak) / 3600.0
+        settling = self.settling_s(variation)
+        return (len(run_list) * (point + variation.wait_s) + run_list.whole_plots * soak + settling) / 3600.0
+
+    def at_rest(self, degC: float | None) -> GeneralConfirming:
+        """This run as one after which the environment stands at a setting."""
+        return replace(self, stands_degC=degC)
 
     def size(self, procedure: GeneralProcedure) -> str:
         """Points and replications, for a table."""

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from rig.fitter.effects.manual_changes import Change, Done
+from rig.procedures.plan.run_list import RunList
 from rig.procedures.plan.settings import Varies
 
 Limits = Mapping[str, tuple[float, float]]
@@ -71,10 +73,21 @@ class Variation:
     routine: bool = False
     varies: Varies = "settings"
 
+    @cached_property
+    def run_list(self) -> RunList:
+        """Its points, in order."""
+        expanded: RunList = self.procedure.expand()
+        return expanded
+
     @property
     def person(self) -> int:
         """Number of times a person has to come to the bench."""
         return len(self.steps) + self.turned
+
+    @property
+    def touched(self) -> bool:
+        """Whether a person comes to the bench before the first point."""
+        return self.turned or any(step.before_replication == 1 for step in self.steps)
 
     @property
     def untouched(self) -> bool:
@@ -106,5 +119,5 @@ def with_step(variation: Variation, change: Change) -> Variation:
 def possible(every: Iterable[Variation], limits: Limits) -> Iterator[Variation]:
     """The variations within the limits of the bench, by quantity ("pitch_deg", "enclosure_degC")."""
     for variation in every:
-        if next(variation.procedure.expand().beyond(limits), None) is None:
+        if next(variation.run_list.beyond(limits), None) is None:
             yield variation

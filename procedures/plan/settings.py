@@ -89,6 +89,11 @@ class LoopSettings(Strict):
         description="explained: no further run once every effect has one explanation; confirmed: only once a further "
         "run has shown it, too; alone: only once a second cause beside it is excluded, too, which takes hours",
     )
+    between_runs: Literal["chamber", "safe"] = Field(
+        "chamber",
+        description="between two runs, chamber: what holds the environment stays on at its setting, watched, at most "
+        "half an hour, and the next run begins without settling again; safe: everything is in its safe state",
+    )
 
     @field_validator("until")
     @classmethod

@@ -1,12 +1,14 @@
 """Cut the power at every write and sync of short loops, and at random ones, go on, and judge what came of them.
 
-python -m proving.crashes.loops [--loops 300] [--seed 1] [--every 3]
+python -m proving.crashes.loops [--loops 300] [--seed 1] [--every 3] [--lab voltmeter|attitude]
 
 First the loop is crashed once at every `--every`-th write or sync (as by SIGKILL, which loses nothing, and as by a
 power cut), then `--loops` of them are crashed at random moments, again and again. A loop that ends has to be closed,
-with whole files, no run lost or doubled, and the verdicts that its run files give when they are evaluated afresh. They
-need not be those of a loop that nobody disturbed, because a resumed run has other readings: so it is counted how often
-the true cause was confirmed. Traces of the same readings, and the forecast of the first run, are computed once.
+with whole files, nothing left on, no run lost or doubled, and the verdicts that its run files give when they are
+evaluated afresh. They need not be those of a loop that nobody disturbed, because a resumed run has other readings: so
+is counted how often the true cause was confirmed. Traces of the same readings and the forecast of the first run are
+computed once. In the laboratory of the voltmeter nothing stays on between two runs; in that for attitude the enclosure
+does.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ import itertools
 import random
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -25,13 +27,13 @@ from typing import Any
 from unittest.mock import patch
 
 from proving.disk import Crash, Disk
+from proving.loops import KINDS, Silent, files_of
 from rig.by_kind import trace_table
 from rig.drivers.clock import RealClock
 from rig.engine.session import Outcome, Signals
 from rig.examples import example
 from rig.loop import Program, findings_of_runs, open_program, resume_loop, sessions, start_loop
 from rig.loop.evaluation import Evaluation
-from rig.run_file.chain import Record
 from rig.run_file.live import LiveState
 from rig.run_file.verify.verification import verify_file
 from rig.runs.forecast import rehearse
@@ -44,14 +46,55 @@ TRUE = "range-step:input_V"
 _MOST_CRASHES = 12
 
 
+@dataclass(frozen=True)
+class Lab:
+    """The laboratory of the loops.
+
+    Attributes:
+        files: writes its files into a folder, once; returns procedure, bench and world.
+        true: name of its hidden effect.
+        hours: of a loop.
+    """
+
+    files: Callable[[Path], tuple[Path, Path, Path]]
+    true: str
+    hours: float
+
+    def plan(self) -> Plan:
+        """The plan of the first run."""
+        with tempfile.TemporaryDirectory() as folder:
+            procedure, bench, world = self.files(Path(folder))
+            return load_plan(procedure, bench, dry=True, world=world)
+
+
+def _voltmeter(folder: Path) -> tuple[Path, Path, Path]:
+    lab = example(LAB)
+    return shorter(folder), lab / "bench.toml", lab / "world.toml"
+
+
+def _attitude(folder: Path) -> tuple[Path, Path, Path]:
+    names = ("procedure", "bench", "world")
+    procedure, bench, world = (folder / f"{name}.toml" for name in names)
+    if not procedure.exists():
+        files_of("attitude", KINDS["attitude"](1), folder)
+    return procedure, bench, world
+
+
+LABS = {
+    "voltmeter": Lab(_voltmeter, TRUE, 3.0),
+    "attitude": Lab(_attitude, "isolation-pad-deflection", 14.0),
+}
+
+
 class Evaluations:
     """What traces find, computed once for the same readings; the runs are the subject here."""
 
-    def __init__(self) -> None:
+    def __init__(self, lab: Lab = LABS["voltmeter"]) -> None:
+        self.lab = lab
         self._traced: dict[bytes, Any] = {}
         self._considered: dict[tuple[Any, ...], Any] = {}
         self._trace = trace_table
-        self.forecast = cache(lambda: rehearse(plan_of_lab(), lambda _: None))
+        self.forecast = cache(lambda: rehearse(lab.plan(), lambda _: None))
 
     def trace(self, table: Any, **options: Any) -> Any:
         """The trace of a table."""
@@ -62,20 +105,11 @@ class Evaluations:
 
     def consider(self, asked: First, **how: Any) -> Any:
         """Possible further runs."""
-        key = (id(asked.traced), tuple(m.effect for q in asked.questions for m in q.members), how.get("changes", True))
+        names = tuple(m.effect for q in asked.questions for m in q.members)
+        key = (id(asked.traced), names, how.get("changes", True), asked.confirming.stands_degC)
         if key not in self._considered:
             self._considered[key] = consider(asked, **how)
         return self._considered[key]
-
-
-class Silent:
-    """Is told what a loop does, and says nothing."""
-
-    def run_begins(self, path: Path) -> None:
-        """A run begins."""
-
-    def says(self, record: Record) -> None:
-        """A record of the loop."""
 
 
 @dataclass
@@ -108,10 +142,10 @@ class CrashedLoop:
         with self.watched(disk):
             try:
                 if self.path is None:
-                    lab = example(LAB)
+                    procedure, bench, world = self.evaluations.lab.files(self.folder)
                     ending = start_loop(
-                        shorter(self.folder), lab / "bench.toml", self.folder, hours=3, dry=True,
-                        world=lab / "world.toml", announce=lambda _path, _plan: None, **common,
+                        procedure, bench, self.folder, hours=self.evaluations.lab.hours, dry=True, world=world,
+                        announce=lambda _path, _plan: None, **common,
                     )  # fmt: skip
                 else:
                     ending = resume_loop(self.path, **common)
@@ -151,6 +185,7 @@ class CrashedLoop:
         runs = {one.name for one in self.folder.glob("*.sqlite")} - {path.name}
         if runs != {program.file_of(run).name for run in program.runs}:
             wrong.append(f"files of runs: {sorted(runs)}")
+        wrong += [f"it is closed, and {on}" for on in program.on_between_runs]
         if program.closed is None or program.closed.fault:
             wrong.append("it is not closed" if program.closed is None else "a run ended by a fault")
         elif (said := dict(program.found[program.complete].verdicts)) != (fresh := self._afresh(program)):
@@ -183,13 +218,6 @@ def shorter(folder: Path) -> Path:
     if not path.exists():
         path.write_text(text)
     return path
-
-
-def plan_of_lab() -> Plan:
-    """The plan of the first run."""
-    lab = example(LAB)
-    with tempfile.TemporaryDirectory() as folder:
-        return load_plan(shorter(Path(folder)), lab / "bench.toml", dry=True, world=lab / "world.toml")
 
 
 def undisturbed(evaluations: Evaluations) -> Program:
@@ -232,7 +260,7 @@ def crash_often(seed: int, evaluations: Evaluations) -> tuple[int, bool, str]:
                 disk.crash_at(10**9)
             if loop.go_on(disk):
                 assert loop.path is not None
-                right = verdicts(open_program(loop.path)).get(TRUE) == "confirmed"
+                right = verdicts(open_program(loop.path)).get(evaluations.lab.true) == "confirmed"
                 return loop.crashes, right, loop.judge()
             disk.power_cut(rng.choice(("all", "some", "none")))
 
@@ -243,9 +271,11 @@ def main() -> int:
     parser.add_argument("--loops", type=int, default=300, help="loops that are crashed again and again")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--every", type=int, default=3, help="of the writes and syncs that are crashed once")
+    parser.add_argument("--lab", choices=LABS, default="voltmeter")
     asked = parser.parse_args()
     stopwatch = RealClock().stopwatch
-    evaluations, wrong, began = Evaluations(), [], stopwatch()
+    lab = LABS[asked.lab]
+    evaluations, wrong, began = Evaluations(lab), [], stopwatch()
     undisturbed(evaluations)
     once = 0
     for nth in itertools.count(1, asked.every):
@@ -262,7 +292,7 @@ def main() -> int:
     print("\n".join(wrong))
     print(
         f"{once} loops crashed once, {asked.loops} crashed {crashes} times (seeds from {asked.seed}): "
-        f"{len(wrong)} lost, doubled or wrong, {right} with {TRUE} confirmed; {stopwatch() - began:.0f} s"
+        f"{len(wrong)} lost, doubled or wrong, {right} with {lab.true} confirmed; {stopwatch() - began:.0f} s"
     )
     return 1 if wrong else 0
 

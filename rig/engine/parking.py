@@ -5,6 +5,7 @@ recorded.
 from __future__ import annotations
 
 import contextlib
+from dataclasses import replace
 from typing import Protocol
 
 from rig.drivers.clock import Clock
@@ -84,9 +85,19 @@ class Parking:
             names = [name for name in names if name not in off or name in failed]
         return outputs_on(self._bench, names), safe
 
-    def make_safe(self) -> MadeSafe:
-        """Bring the bench to its safe state; the duration and readbacks are recorded if possible."""
-        safe = make_safe(self._bench, self._clock)
+    def make_safe(self, *, complete: bool = False) -> MadeSafe:
+        """Bring the bench to its safe state; the duration and readbacks are recorded if possible.
+
+        Args:
+            complete: whether the run is complete: then the chambers that the next run of its loop takes over stay on,
+                unless something else could not be made safe.
+        """
+        stays = self._bench.stays_on if complete else frozenset()
+        safe = make_safe(self._bench, self._clock, self._bench.instruments.keys() - stays if stays else None)
+        if stays and safe.unsafe:
+            safe = make_safe(self._bench, self._clock)
+        elif stays:
+            safe = replace(safe, stays_on=tuple(outputs_on(self._bench, sorted(stays))))
         with contextlib.suppress(StorageError):
             self._journal.write(safe)
         return safe

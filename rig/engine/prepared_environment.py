@@ -53,20 +53,22 @@ class PreparedEnvironment:
                 self._soaking.lose(why)
             return "recover"
         homed = all(axis["homed"] for axis in as_found["axes"].values())
-        stands = homed and self.environment_stands(as_found)
+        stands = homed and self.environment_stands(as_found["chambers"])
         if fold.prepared and stands and known and idle_s <= self._conduct.max_gap_s:
             return "recover"
         return "prepare"
 
-    def environment_stands(self, as_found: Mapping[str, Any]) -> bool:
+    def environment_stands(self, chambers: Mapping[str, Any]) -> bool:
         """Whether every chamber is at the setpoint of the procedure."""
-        wanted, chambers = self._conduct.environment, as_found["chambers"]
-        return commanded(wanted, chambers) and (
-            wanted is None
-            or all(
-                abs(c["temperature_degC"] - wanted.setpoint_degC) <= wanted.tolerance_degC for c in chambers.values()
-            )
-        )
+        return stands(self._conduct.environment, chambers)
+
+
+def stands(wanted: EnvironmentSettings | None, chambers: Mapping[str, Any]) -> bool:
+    """Whether every chamber controls at the setpoint of the procedure, and reads it within its tolerance."""
+    return commanded(wanted, chambers) and (
+        wanted is None
+        or all(abs(c["temperature_degC"] - wanted.setpoint_degC) <= wanted.tolerance_degC for c in chambers.values())
+    )
 
 
 def commanded(wanted: EnvironmentSettings | None, chambers: Mapping[str, Any]) -> bool:

@@ -47,7 +47,17 @@ from rig.instruments.opening import Bench, identities
 from rig.procedures.plan.conduct import Conduct
 from rig.procedures.plan.fault_policies import ABORT, HOLD, RE_HOME, RE_SOAK, SKIP
 from rig.procedures.plan.run_list import RunList
-from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Homed, MadeSafe, Prepared, Preparing, Remark
+from rig.run_file.events.bench import (
+    AsFound,
+    EnvironmentSettled,
+    EnvironmentStands,
+    Fault,
+    Homed,
+    MadeSafe,
+    Prepared,
+    Preparing,
+    Remark,
+)
 from rig.run_file.events.event import EMPTY
 from rig.run_file.events.points import Skipped
 from rig.run_file.events.sessions import Ended, Held, Interruption, Parked, Stopped
@@ -179,7 +189,7 @@ class Sequencer:
         self._needs_set_up = True
         self._remarked: set[tuple[str, str]] = set()
         self._began_s = 0.0
-        self._home_again = self._checked = False
+        self._home_again = self._checked = self._stands = False
         self._moves = Moves()
         self._handlers: dict[str, Callable[[], str]] = {
             State.READY: lambda: "check",
@@ -219,6 +229,8 @@ class Sequencer:
     def run(self) -> Outcome:
         """Work until done, stopped, interrupted or faulted. The bench is then safe, unless the outcome is `UNSAFE`."""
         try:
+            # Taken over from the run before: from here on this session answers for what is on.
+            self._stands, self._bench.stands = self._bench.stands, False
             self._journal.open()
             self._began_s = self._journal.elapsed()
             moves, journal = self._moves, self._journal
@@ -314,6 +326,7 @@ class Sequencer:
         self._checked = True
         if self._queue.peek() is None:
             return "park"
+        self._stands &= not restarted
         if self._journal.at is None and self._by_hand.due(self._queue.peek()):
             return self._by_hand.ask()  # before anything is prepared, which a person might disturb
         session = self._session
@@ -323,7 +336,7 @@ class Sequencer:
 
     def _check_again(self) -> str:
         """After a hole in time the bench is checked as for a resumed run."""
-        self._needs_set_up = True
+        self._needs_set_up, self._stands = True, False
         if self._soaking is not None:
             self._soaking.watched = False  # the open whole plot is judged as one that an earlier session left
         at = self._journal.at
@@ -339,8 +352,9 @@ class Sequencer:
         if self._soaking is not None and following is not None and self._by_hand.unset_for_plot(following):
             return self._by_hand.ask_to_set(following)  # before a soak, which a person would disturb
         # homing does not disturb the environment
-        stands = (
-            self._home_again and self._journal.fold.prepared and self._standing.environment_stands(self._do.readback())
+        chambers = self._do.readback()["chambers"] if self._stands or self._home_again else {}
+        stands = self._standing.environment_stands(chambers) and (
+            self._stands or (self._home_again and self._journal.fold.prepared)
         )
         goes_on = self._soaking is not None and following is not None and self._soaking.goes_on(following)
         self._journal.write(Preparing())
@@ -352,10 +366,13 @@ class Sequencer:
         if self._soaking is not None:
             if not goes_on:
                 self._soaking.soak()
+        elif self._conduct.environment is not None and stands and self._stands:
+            self._journal.write(EnvironmentStands(chambers=chambers))
         elif self._conduct.environment is not None and not stands:
             self._journal.message = "environment settling"
             evidence = self._do.prepare_environment(self._conduct.environment)
             self._journal.write(EnvironmentSettled(chambers=evidence))
+        self._stands = False  # what is prepared once more settles once more
         self._journal.message = ""
         self._journal.write(Prepared())
         return "recover"
@@ -376,6 +393,7 @@ class Sequencer:
                     self._journal.write(Remark(instrument=instrument, message=said))
 
     def _holding(self) -> str:
+        self._stands = False
         asked = self._by_hand.asked is not None
         self._needs_set_up |= asked and not self._by_hand.reads  # a person may have touched anything
         try:
@@ -405,10 +423,11 @@ class Sequencer:
         # nothing moves before the instruments have been identified
         left = self._way_out.park(self._poll_s, self._point.move_timeout_s) if self._checked else ""
         self._ending = "; ".join(words for words in (self._ending, left) if words)
-        safe = self._way_out.make_safe()
+        fold = self._journal.fold
+        complete = self._outcome is None and not fold.remaining and not left
+        safe = self._way_out.make_safe(complete=complete)
         if safe.unsafe:
             return self._give_up(self._ending or "parked", safe=safe)
-        fold = self._journal.fold
         if self._outcome is None:
             if fold.remaining:
                 raise BenchFault(f"{fold.remaining} points are neither observed nor skipped; resume the run")
@@ -419,6 +438,7 @@ class Sequencer:
             if self._soaking is not None:
                 end = replace(end, whole_plots=fold.whole_plots, lost=lost)
             self._journal.finish(end)
+            self._bench.stands = bool(complete and self._bench.stays_on)
         else:
             self._journal.write(Parked())
         self._journal.message = self._ending

@@ -59,6 +59,8 @@ class Bench:
         answered: last identities of the instruments.
         person: a simulated person, or the bench of `rig sim`; None on a real bench.
         forecast: whether only times are wanted of it: then it is looked at less often while something settles.
+        stays_on: chambers that stay at their settings when a run is complete, for the next run of its loop.
+        stands: whether they do, and were watched since.
     """
 
     config: BenchConfig
@@ -74,6 +76,8 @@ class Bench:
     answered: dict[str, Identity] = field(init=False, default_factory=dict)
     person: Person | None = field(init=False, default=None)
     forecast: bool = field(init=False, default=False)
+    stays_on: frozenset[str] = field(init=False, default=frozenset())
+    stands: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         limits, factors = self.config.limits, self.config.factors

@@ -8,9 +8,7 @@ judgement) is computed again in a new session, from the same run files; what it 
 from __future__ import annotations
 
 import contextlib
-import os
-import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,8 +16,9 @@ from rig.engine.session import Nobody, Observer, Outcome, Progress, Signals
 from rig.errors import BenchFault, RigError
 from rig.fitter.errors import FitError
 from rig.loop import products
-from rig.loop.decide import Considers, Decision, Left, decide, for_person
-from rig.loop.ends import Ending, Told, each_h, ended, not_made
+from rig.loop.between_runs import BetweenRuns, safe_again
+from rig.loop.decide import Considers, Decision, Left, decide, decided
+from rig.loop.ends import Ending, Told, began, each_h, ended, not_made
 from rig.loop.evaluation import Evaluation, with_left_over
 from rig.loop.findings import found_by_first, found_by_later
 from rig.loop.goal import Look, kept_for, looked, procedure_with
@@ -33,16 +32,13 @@ from rig.run_file.events.loops import (
     LoopClosed,
     LoopContinued,
     LoopDecided,
-    LoopForPerson,
     LoopRunPlanned,
 )
-from rig.run_file.events.sessions import SessionBegan
 from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import Result, Site, resume_run, start_run
 from rig.runs.plans import Plan, plan_of
 from rig.verbs.confirm import Confirmed, First, consider, traces_kept
 from rig.verbs.confirm.further_plan import procedure_text
-from rig.version import versions
 from rig.who import Operator
 
 FAULTS = (RigError, DataError, FitError)
@@ -87,6 +83,8 @@ class Conductor:
     def __post_init__(self) -> None:
         self.timeline = Timeline(self.plan, self.program.run)
         self.evaluation = Evaluation(self.program)
+        permitted = self.program.bounds.bounds.between_runs == "chamber"
+        self.between = BetweenRuns(self.site, permitted, self.signals)
         self._session = self.program.run.sessions + 1
 
     def conduct(self) -> Ending:
@@ -95,15 +93,16 @@ class Conductor:
         Raises:
             RigError: a record could not be made durable, or a file cannot be used; the loop can be resumed.
         """
-        with traces_kept():
+        with traces_kept(), self.between:
             return self._conducted()
 
     def _conducted(self) -> Ending:
         if not self._begun:
             self._begin()
-        ended = self._first_run() or self._replications() or self._further_runs()
+        ended = self._left_on() or self._first_run() or self._replications() or self._further_runs()
+        self._rest("no further run" if ended is None else "the loop's session ends")
         if ended is not None:
-            return ended
+            return self._ending(ended.outcome, ended.message, unsafe=ended.unsafe)
         self._close()
         return self._ending(Outcome.COMPLETE)
 
@@ -133,32 +132,37 @@ class Conductor:
         self.recorded(type(events[-1]).__name__)
 
     def _begin(self) -> None:
-        gap, dropped, elapsed_s = self.timeline.gap, self.writer.dropped, self.timeline.elapsed_s
-        about: Mapping[str, Any] = {
-            **self.by.as_json(),
-            "simulated": self.plan.dry or self.plan.bench.simulated,
-            "pid": os.getpid(),
-            "host": platform.node(),
-            "boot": self.timeline.boot,
-            "software": versions(one.driver for one in self.plan.bench.instruments.values()),
-        }
-        self.record(
-            SessionBegan(
-                **about,
-                clock_s=self.timeline.clock_s,
-                elapsed_s=elapsed_s,
-                gap_s=max(0.0, elapsed_s - self.program.run.elapsed_s),
-                gap_certain=gap.certain,
-                gap_known=gap.known,
-                wal_frames_dropped=dropped.dropped,
-                wal_commits_lost=dropped.lost_commits,
-                wal_damage=dropped.damage,
-            )
-        )
+        self.record(began(self.plan, self.timeline, self.program, self.writer.dropped, self.by))
 
-    def _ending(self, outcome: Outcome, message: str = "") -> Ending:
-        unsafe = any(run.ended is not None and run.ended.how == Outcome.UNSAFE.value for run in self.program.runs)
+    def _ending(self, outcome: Outcome, message: str = "", *, unsafe: bool = False) -> Ending:
+        runs = (run.ended for run in self.program.runs if run.ended is not None)
+        unsafe |= bool(self.program.unsafe) or any(one.how == Outcome.UNSAFE.value for one in runs)
         return Ending(self.program, outcome, message, self.writer.written[1].hex(), unsafe)
+
+    # --- between runs ---------------------------------------------------------------------------------------------
+
+    def _left_on(self) -> Ending | None:
+        """Make safe what a session that was killed between two runs has left on, before anything else."""
+        on = self.program.on_between_runs
+        if not on:
+            return None
+        why = "the session before was cut between two runs"
+        try:
+            with self.site.opened(self.plan, start=self.timeline.elapsed_s) as (bench, clock, _):
+                self.record(safe_again(bench, clock, bench.chambers, why))
+        except BenchFault as error:
+            words = f"{'; '.join(on)}, as far as known: {error}"
+            return self._ending(Outcome.UNSAFE, words, unsafe=True)
+        return None
+
+    def _rest(self, why: str) -> None:
+        """Make safe what stays on after the last run, and record it."""
+        self.between.rest(why)
+        self._made_safe()
+
+    def _made_safe(self) -> None:
+        while self.between.made:
+            self.record(self.between.made.pop(0))
 
     # --- runs -----------------------------------------------------------------------------------------------------
 
@@ -173,7 +177,7 @@ class Conductor:
         result = self._made(run, self.plan)
         if result.outcome is not Outcome.COMPLETE:
             return self._ending(result.outcome, result.message)
-        self.record(ended(run, result))
+        self.record(ended(run, result, self.between.left_on))
         return None
 
     def _planned(self, what: str, hours: float, procedure: str) -> LoopRunPlanned:
@@ -192,7 +196,9 @@ class Conductor:
         """Make a run, or go on with it: its file shows which."""
         path, begins_s = self.program.file_of(run), run.planned.begins_s
         common: dict[str, Any] = {"signals": self.signals, "on_progress": self.on_progress, "by": self.by}
-        common |= {"observer": self.observer, "site": self.site}
+        common |= {"observer": self.observer, "site": self.between.of_runs}
+        self.between.hand_over(plan)
+        self._made_safe()
         if path.exists():
             self.told.run_begins(path)
             result = resume_run(path, dry_gap_s=self.dry_gap_s, **common)
@@ -223,7 +229,7 @@ class Conductor:
             result.outcome is not Outcome.COMPLETE and result.state.rested != "faulted"
         ):
             return self._ending(result.outcome, result.message)
-        self.record(ended(run, result))
+        self.record(ended(run, result, self.between.left_on))
         return None
 
     def _replications(self) -> Ending | None:
@@ -256,16 +262,16 @@ class Conductor:
             look = Look(None, f"the goal cannot be judged: {error}")
         if not runs[-1].complete and look.more is not None:
             look = Look(None, f"replication {runs[-1].planned.number} ended by a fault; {look.why}")
-        decided = LoopDecided(
+        decision = LoopDecided(
             after=len(runs), next="trace" if look.more is None else "segment", why=look.why, left_h=round(left_h, 3)
         )
         if look.more is None:
-            self.record(decided)
+            self.record(decision)
             return False
         number = procedure.replications + len(program.segments)
         again = procedure_with(procedure, replications=1, seed=procedure.seed + number, goal=None)
         planned = self._planned(f"replication {number}", hours, procedure_text(again))
-        self.record(decided, replace(planned, segment=True))
+        self.record(decision, replace(planned, segment=True))
         return True
 
     # --- evaluation -----------------------------------------------------------------------------------------------
@@ -290,6 +296,8 @@ class Conductor:
             self._decide(decision)
             if decision.run is None:
                 return None
+            if decision.anew:
+                self._rest("an effect of time or temperature is confirmed after it has settled anew")
 
     @property
     def _runs_left(self) -> int:
@@ -321,6 +329,7 @@ class Conductor:
         elapsed_s = self.timeline.elapsed_s
         left = Left((self.program.ends_s - elapsed_s) / 3600.0, self._runs_left, self.program.allow)
         first = replace(self.first, begins_s=elapsed_s)
+        first = replace(first, confirming=first.confirming.at_rest(self.between.stands_at))
         return with_left_over(decide(first, told, bounds, left, self.considered), first, told)
 
     def _evaluated(self) -> Confirmed | None:
@@ -335,25 +344,8 @@ class Conductor:
     def _decide(self, decision: Decision) -> None:
         run, after = decision.run, len(self.program.runs)
         left_h = (self.program.ends_s - self.timeline.elapsed_s) / 3600.0
-        events: list[Event] = [
-            LoopDecided(
-                after=after,
-                next="close" if run is None else "run",
-                why=decision.why,
-                left_h=round(left_h, 3),
-                hours=None if run is None else round(run.hours, 3),
-                chance=decision.chance,
-                gain_per_h=decision.gain_per_h,
-                settled=decision.settled,
-            )
-        ]
-        if run is None:
-            told = for_person(self.first, decision.for_person) if decision.for_person else ()
-            events += [
-                LoopForPerson(after=after, do=do, what=what, hours=round(hours, 3), decides=decides)
-                for do, what, hours, decides in told
-            ]
-        else:
+        events: list[Event] = list(decided(decision, after, left_h, self.first if decision.for_person else None))
+        if run is not None:
             variation = run.variation
             text = procedure_text(variation.procedure, variation.steps, routine=variation.routine)
             events.append(self._planned(variation.what, run.hours, text))

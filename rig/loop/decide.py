@@ -9,10 +9,12 @@ from typing import Any
 
 from rig.bench.bench_file import playing
 from rig.drivers.roles import ByHand, Typing
-from rig.fitter.confirm import NOTHING, Confirmation
+from rig.fitter.confirm import NOTHING, Confirmation, lasting
 from rig.procedures.plan.further_runs import Variation
 from rig.procedures.plan.settings import LoopSettings
 from rig.procedures.present.durations import duration
+from rig.run_file.events.event import Event
+from rig.run_file.events.loops import LoopDecided, LoopForPerson
 from rig.runs.forecast import ALLOWANCE
 from rig.verbs.confirm import Confirmed, First, Proposal, consider, following, propose
 from rig.verbs.confirm.proposal import HARDLY, LIKELY
@@ -34,12 +36,15 @@ class Decision:
         why: the reason, with numbers.
         settled: whether one explanation remains for every effect found.
         for_person: runs that a person, or more time, would make possible.
+        anew: whether its environment has to settle anew, because an open question is of time or temperature: a run that
+            only goes on in the state in which the last one ended confirms whatever followed that state.
     """
 
     run: Proposal | None
     why: str
     settled: bool = False
     for_person: tuple[Proposal, ...] = ()
+    anew: bool = False
 
     @property
     def chance(self) -> float | None:
@@ -137,7 +142,9 @@ def decide(
         return Decision(
             None, f"every effect has one explanation, which is enough by stop_when = 'explained': {words}", settled
         )
-    asked, known = replace(asked, begins_s=first.begins_s), dict[tuple[str, int], Proposal]()
+    anew = not all(lasting(question) for question in asked.questions)
+    confirming = asked.confirming.at_rest(None if anew else first.confirming.stands_degC)
+    asked, known = replace(asked, begins_s=first.begins_s, confirming=confirming), dict[tuple[str, int], Proposal]()
     considered = partial(considered, known=known)
     if left.runs < 1:
         why = f"{words}; all runs that most_runs permits have been made"
@@ -173,7 +180,7 @@ def decide(
     if (better := runs[0]).hours > left.most_h:
         takes = f"{better.variation.what}, {better.size}, takes {duration(3600.0 * better.hours)} {_said(better)}"
         why += f"; given up for lack of time: {takes}"
-    return Decision(best, why, settled)
+    return Decision(best, why, settled, anew=anew)
 
 
 def _said(run: Proposal) -> str:
@@ -201,6 +208,30 @@ def _settles(run: Proposal) -> str:
 
 def _pair(pair: tuple[str, str]) -> str:
     return f"whether {pair[0]} is there" if pair[1] == NOTHING else f"{pair[0]} or {pair[1]}"
+
+
+def decided(decision: Decision, after: int, left_h: float, first: First | None) -> Iterator[Event]:
+    """The records of a decision.
+
+    Args:
+        decision: the next step.
+        after: number of the runs before it.
+        left_h: time left, hours.
+        first: the traced run, if runs are left to a person.
+    """
+    run = decision.run
+    yield LoopDecided(
+        after=after,
+        next="close" if run is None else "run",
+        why=decision.why,
+        left_h=round(left_h, 3),
+        hours=None if run is None else round(run.hours, 3),
+        chance=decision.chance,
+        gain_per_h=decision.gain_per_h,
+        settled=decision.settled,
+    )
+    for do, what, hours, decides in for_person(first, decision.for_person) if run is None and first is not None else ():
+        yield LoopForPerson(after=after, do=do, what=what, hours=round(hours, 3), decides=decides)
 
 
 def for_person(first: First, runs: Sequence[Proposal]) -> Iterator[tuple[str, str, float, str]]:

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import platform
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from rig.engine.session import Outcome
 from rig.errors import BenchFault
 from rig.loop.program import LoopRun, Program
+from rig.loop.timeline import Timeline
 from rig.run_file.chain import Record
+from rig.run_file.events.event import EMPTY
 from rig.run_file.events.loops import LoopRunEnded
+from rig.run_file.events.sessions import SessionBegan
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.state import read_state
+from rig.run_file.wal import WalState
 from rig.runs.controller import Result
+from rig.runs.plans import Plan
+from rig.version import versions
+from rig.who import Operator
 
 
 class Told(Protocol):
@@ -46,6 +55,38 @@ class Ending:
     unsafe: bool = False
 
 
+def began(plan: Plan, timeline: Timeline, program: Program, dropped: WalState, by: Operator) -> SessionBegan:
+    """The record of the begin of a session.
+
+    Args:
+        plan: of the first run.
+        timeline: time of the loop.
+        program: state of the loop.
+        dropped: what was lost of its file.
+        by: operator.
+    """
+    gap, elapsed_s = timeline.gap, timeline.elapsed_s
+    about: Mapping[str, Any] = {
+        **by.as_json(),
+        "simulated": plan.dry or plan.bench.simulated,
+        "pid": os.getpid(),
+        "host": platform.node(),
+        "boot": timeline.boot,
+        "software": versions(one.driver for one in plan.bench.instruments.values()),
+    }
+    return SessionBegan(
+        **about,
+        clock_s=timeline.clock_s,
+        elapsed_s=elapsed_s,
+        gap_s=max(0.0, elapsed_s - program.run.elapsed_s),
+        gap_certain=gap.certain,
+        gap_known=gap.known,
+        wal_frames_dropped=dropped.dropped,
+        wal_commits_lost=dropped.lost_commits,
+        wal_damage=dropped.damage,
+    )
+
+
 def each_h(runs: Sequence[LoopRun], replications: int) -> float:
     """Expected bench time of one more replication, hours."""
     took = [run.ended.took_s for run in runs[1:] if run.ended is not None and run.complete]
@@ -54,8 +95,8 @@ def each_h(runs: Sequence[LoopRun], replications: int) -> float:
     return (max(took) if took else first.took_s / replications) / 3600.0
 
 
-def ended(run: LoopRun, result: Result) -> LoopRunEnded:
-    """The record of the end of a run."""
+def ended(run: LoopRun, result: Result, left_on: Sequence[str] = ()) -> LoopRunEnded:
+    """The record of the end of a run; `left_on` for the next one."""
     state = result.state
     return LoopRunEnded(
         number=run.planned.number,
@@ -65,6 +106,7 @@ def ended(run: LoopRun, result: Result) -> LoopRunEnded:
         points=state.points,
         took_s=round(state.elapsed_s, 3),
         message="" if result.outcome is Outcome.COMPLETE else result.message,
+        left_on=tuple(left_on) or EMPTY,
     )
 
 

@@ -26,6 +26,7 @@ from rig.run_file.events.loops import (
     LoopForPerson,
     LoopFound,
     LoopJoined,
+    LoopMadeSafe,
     LoopRunEnded,
     LoopRunPlanned,
     LoopWrote,
@@ -100,6 +101,8 @@ class Program:
         continued: how often it was continued.
         closed_runs: number of its further runs when it was last closed.
         apart: whether runs that were joined to the first were taken apart again.
+        left_on: outputs that the last complete run left on for the next one, and nobody has made safe since.
+        unsafe: instruments that could not be made safe between two runs.
     """
 
     path: Path
@@ -117,6 +120,8 @@ class Program:
     continued: int = 0
     closed_runs: int = 0
     apart: bool = False
+    left_on: tuple[str, ...] = ()
+    unsafe: tuple[str, ...] = ()
     ends_s: float = 0.0
     allow: tuple[str, ...] = ()
 
@@ -133,7 +138,9 @@ class Program:
                 self.runs.append(LoopRun(event))
                 self.decided = None
             case LoopRunEnded():
-                self.runs[event.number - 1].ended = event
+                self.runs[event.number - 1].ended, self.left_on = event, tuple(event.left_on)
+            case LoopMadeSafe():
+                self.left_on, self.unsafe = (), tuple(event.unsafe)
             case LoopFound():
                 self.found[event.after] = event
             case LoopJoined():
@@ -198,6 +205,12 @@ class Program:
     def open_run(self) -> LoopRun | None:
         """The run that has not ended; None if there is none."""
         return self.last if self.last is not None and self.last.ended is None else None
+
+    @property
+    def on_between_runs(self) -> tuple[str, ...]:
+        """Outputs that stay on with no run at work; a run that has begun answers for them itself."""
+        run = self.open_run
+        return () if run is not None and self.file_of(run).exists() else self.left_on
 
     @property
     def name(self) -> str:

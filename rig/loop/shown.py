@@ -28,6 +28,11 @@ def blocks(program: Program) -> Iterator[Block]:
             str(run.planned.number), escape(run.planned.what), _outcome(run), took, escape(program.file_of(run).name)
         )
     yield table
+    alive = controller_alive(program.path)
+    for words in program.on_between_runs:
+        yield Line(f"  [bold yellow]{'stays on until the next run' if alive else 'left on'}:[/] {escape(words)}")
+    if program.unsafe:
+        yield Line(f"  [bold red]NOT in its safe state:[/] {escape('; '.join(program.unsafe))}")
     for run in program.runs:
         for words in warnings_in(program.file_of(run)):
             yield Line(f"  [bold yellow]warning, run {run.planned.number}:[/] {escape(words)}", wrapped=True)
@@ -77,6 +82,8 @@ def to_json(program: Program) -> dict[str, Any]:
         "settled": closed.settled if closed is not None else None,
         "fault": any(run.ended is not None and not run.complete for run in program.runs),
         "why": closed.why if closed is not None else "",
+        "left_on": list(program.on_between_runs),
+        "unsafe": list(program.unsafe),
         "bench_h": round(sum(run.ended.took_s for run in program.runs if run.ended is not None) / 3600.0, 3),
         "runs": [
             {

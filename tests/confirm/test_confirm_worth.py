@@ -13,7 +13,8 @@ from command import rig
 from test_set_in import BENCH, PROCEDURE, WORLD
 
 from rig.tables.table_of_run import run_table
-from rig.verbs.confirm.choosing import _worth_its_time
+from rig.verbs.confirm import choosing
+from rig.verbs.confirm.choosing import _worth_its_time, best
 
 
 def of(hours, told, *, likely=False):
@@ -39,6 +40,29 @@ def test_a_longer_run_has_to_be_likely_to_settle_everything(proposals, chosen):
     procedure = SimpleNamespace(expand=lambda: ())
     first = SimpleNamespace(confirming=SimpleNamespace(hours=lambda variation, run_list: 8.0), procedure=procedure)
     assert _worth_its_time(first, proposals).hours == chosen
+
+
+@pytest.mark.parametrize(("likely", "hours"), [(True, 7), (False, 5)])
+def test_of_nine_sizes_of_a_design_few_are_simulated_to_find_the_shortest_that_tells_as_much(
+    likely, hours, monkeypatch
+):
+    """Each forecast is 200 simulated runs. What is unlikely to settle everything is not longer than the first run."""
+    simulated = []
+
+    def forecast(_, variation):
+        size = len(variation.run_list)
+        simulated.append(size)
+        told = 2.0 if size >= hours else 0.2 * size
+        one = of(float(size), told, likely=likely and size >= hours)
+        return SimpleNamespace(**vars(one), points=size, settles=lambda _: False)
+
+    monkeypatch.setattr(choosing, "_proposal", forecast)
+    monkeypatch.setattr(choosing, "_of_chosen_points", lambda *_: ([], None))
+    confirming = SimpleNamespace(hours=lambda variation, run_list: float(len(run_list) or 6))
+    first = SimpleNamespace(confirming=confirming, procedure=SimpleNamespace(expand=lambda: ()))
+    group = [SimpleNamespace(run_list=range(size)) for size in range(1, 10)]
+    assert best(first, group, None).hours == hours
+    assert len(simulated) == len(set(simulated)) <= 5
 
 
 def test_a_valve_with_causes_that_look_alike_is_not_measured_for_longer_than_before(tmp_path):

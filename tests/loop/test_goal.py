@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from proving.crashes.loops import LAB, CrashedLoop, Evaluations, Silent, shorter
+from proving.crashes.loops import LAB, CrashedLoop, Evaluations, shorter
 from proving.disk import Disk
+from proving.loops import Silent
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.examples import example

@@ -14,8 +14,9 @@ from typing import Any
 import pytest
 from command import rig
 
-from proving.crashes.loops import LAB, CrashedLoop, Evaluations, Silent, crash_at, crash_often, shorter, verdicts
+from proving.crashes.loops import LAB, CrashedLoop, Evaluations, crash_at, crash_often, shorter, verdicts
 from proving.disk import Disk
+from proving.loops import Silent
 from rig.bench.config import parse_bench
 from rig.drivers.errors import NoReply
 from rig.engine.gap import Gap
@@ -329,6 +330,24 @@ def test_the_best_run_that_the_bench_makes_alone_is_made_and_others_are_left_to_
     assert decision.run is runs[0]
     left = replace(AMPLE, runs=0)
     assert decide(first, None, BOUNDS, left, lambda _, **_how: [weather, turned, *runs]).for_person[0] is turned
+
+
+@pytest.mark.parametrize("of_time", [False, True])
+def test_a_question_of_time_or_temperature_is_asked_of_an_environment_that_settles_anew(
+    of_time: bool, first: Any, evaluations: Evaluations, monkeypatch: Any
+):
+    """A run that only goes on in the state of the last one confirms whatever followed that state."""
+    seen: list[float | None] = []
+
+    def asked(within: Any, **how: Any) -> Any:
+        seen.append(within.confirming.stands_degC)
+        return evaluations.consider(first, **how)
+
+    monkeypatch.setattr("rig.loop.decide.lasting", lambda _: not of_time)
+    standing = replace(first, confirming=first.confirming.at_rest(23.0))
+    decision = decide(standing, None, BOUNDS, AMPLE, asked)
+    assert decision.run is not None
+    assert (decision.anew, seen) == (of_time, [None if of_time else 23.0])
 
 
 # --- time -------------------------------------------------------------------------------------------------------------

@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from proving.crashes.loops import Silent
-from proving.loops import KINDS, files_of, loop_in, one_loop
+from proving.loops import KINDS, Silent, files_of, loop_in, one_loop
 from rig.engine.session import Signals
 from rig.loop import open_program, resume_loop
 from rig.loop.evaluation import Evaluation

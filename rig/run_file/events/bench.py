@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rig.run_file.bodies import Count, Counts, Seconds, Table, Text, Words
+from rig.run_file.bodies import Chambers, Count, Counts, Seconds, Table, Text, Words
 from rig.run_file.events.event import DETAIL, EMPTY, ROUTINE, Event, Importance, Status, at
 
 if TYPE_CHECKING:
@@ -81,6 +81,13 @@ class EnvironmentSettled(Event, status="environment-settled", says="environment 
 
 
 @dataclass(frozen=True, kw_only=True)
+class EnvironmentStands(Event, status="environment-stands", says="the environment stands as the run before left it"):
+    """In a loop, the environment has settled in the run before, and was watched since. Chambers as they are read."""
+
+    chambers: Chambers = EMPTY
+
+
+@dataclass(frozen=True, kw_only=True)
 class Remark(Event, status="remark", says="{instrument}: {message}"):
     """A remark of an instrument for people."""
 
@@ -99,6 +106,7 @@ class MadeSafe(Event, status="safe", exported=True):
         silent: harmless instruments that did not answer.
         found: readbacks, by instrument.
         only: the instruments, if not all of the bench.
+        stays_on: outputs of the others, which stay on for the next run of a loop, with their values.
 
     """
 
@@ -108,6 +116,7 @@ class MadeSafe(Event, status="safe", exported=True):
     silent: Words = ()
     found: Table = EMPTY
     only: Words = EMPTY
+    stays_on: Words = EMPTY
 
     @property
     def importance(self) -> Importance:
@@ -128,7 +137,10 @@ class MadeSafe(Event, status="safe", exported=True):
 
     def sentence(self, record: Columns) -> str:
         """How long it took, or what is not safe."""
-        return self.words if self.unsafe else f"{', '.join(self.only) or 'bench'} {self.words}"
+        if self.unsafe:
+            return self.words
+        on = f"; for the next run of the loop {' and '.join(self.stays_on)}" if self.stays_on else ""
+        return f"{', '.join(self.only) or 'bench'} {self.words}{on}"
 
 
 @dataclass(frozen=True, kw_only=True)

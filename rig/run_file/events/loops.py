@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 TOLD = Importance("decision", "info", "loop")
 """Decisions of a loop, which people are told."""
+_UNSAFE = Importance("fault", "error")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +61,7 @@ class LoopRunEnded(Event, kind="loop-run", status="ended", matters=SESSION):
         points: length of its run list.
         took_s: bench time.
         message: reason of its end, "" if none is needed.
+        left_on: outputs that stay on for the next run, with their values.
     """
 
     number: Count
@@ -69,12 +71,34 @@ class LoopRunEnded(Event, kind="loop-run", status="ended", matters=SESSION):
     points: Count
     took_s: Seconds
     message: Text = ""
+    left_on: Words = EMPTY
 
     def sentence(self, record: Columns) -> str:
         """Its outcome, points and time."""
         why = f": {self.message}" if self.message else ""
         done = f"{self.accepted} of {self.points} points in {duration(self.took_s)}"
-        return f"run {self.number} ended, {self.how}{why}; {done}"
+        on = f"; for the next run {' and '.join(self.left_on)}" if self.left_on else ""
+        return f"run {self.number} ended, {self.how}{why}; {done}{on}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopMadeSafe(Event, kind="loop", status="safe", says="{words} ({why})"):
+    """What had stayed on between two runs was brought to its safe state.
+
+    Attributes:
+        words: how long it took, or what is not safe.
+        why: reason.
+        unsafe: instruments that could not be shown to be safe, one sentence each.
+    """
+
+    words: Text
+    why: Text
+    unsafe: Words = EMPTY
+
+    @property
+    def importance(self) -> Importance:
+        """An unsafe bench has the highest importance."""
+        return _UNSAFE if self.unsafe else SESSION
 
 
 @dataclass(frozen=True, kw_only=True)

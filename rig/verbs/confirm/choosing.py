@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from rig.bench.bench_file import playing
 from rig.drivers.roles import Chamber
@@ -51,7 +52,7 @@ def groups_of(first: First, only: Callable[[Variation], bool] = lambda _: True) 
         if not only(variation) or not first.confirming.suits(variation, first.procedure, first.questions):
             continue
         standing = first.confirming.standing(variation)
-        if first.most_h == math.inf or first.confirming.hours(standing, standing.procedure.expand()) <= first.most_h:
+        if first.most_h == math.inf or first.confirming.hours(standing, standing.run_list) <= first.most_h:
             groups.setdefault(variation.what, []).append(standing)
     return list(groups.values())
 
@@ -59,19 +60,36 @@ def groups_of(first: First, only: Callable[[Variation], bool] = lambda _: True) 
 def best(first: First, group: Sequence[Variation], choice: type[Points] | None) -> Proposal:
     """The smallest sufficient run of a group; otherwise the most informative one that is worth its time."""
     chosen, hopeful = _of_chosen_points(first, group, choice)
-    tried = _bisected(first, chosen, hopeful)
+    tried = _bisected([partial(_proposal_of, first, run) for run in chosen], hopeful)
     settled = [proposal.hours for proposal in tried if proposal.settles(hopeful)]
     if settled:
         return _cheapest([proposal for proposal in tried if proposal.hours <= min(settled)])
     largest = _proposal(first, group[-1])
     if not tried or largest.told > max(proposal.told for proposal in tried) + STEP:
         most = max((proposal.points for proposal in tried), default=0)
-        for variation in group[:-1]:
-            if len(variation.procedure.expand()) > most:
-                tried.append(_proposal(first, variation))
-                if tried[-1].settles(hopeful):
-                    break
+        tried += _whole(first, [variation for variation in group[:-1] if len(variation.run_list) > most], largest)
     return _worth_its_time(first, [*tried, largest])
+
+
+def _whole(first: First, group: Sequence[Variation], largest: Proposal) -> list[Proposal]:
+    """Whole designs, from small to large, that may be worth their time: the shortest that tells as much as the largest,
+    or as the largest which is no longer than the first run was if that is unlikely to settle everything.
+    """
+    if not largest.likely:
+        most_h, kind = _first_h(first), first.confirming
+        group = [one for one in group if kind.hours(one, one.run_list) <= most_h] or group[:1]
+    known = [largest] if largest.likely else []
+    return _bisected([*(partial(_proposal, first, one) for one in group), *(partial(_same, one) for one in known)])
+
+
+def _same(known: Proposal) -> Proposal:
+    return known
+
+
+def _first_h(first: First) -> float:
+    """Bench time of the first run, made again, and a little more, hours."""
+    again = Variation("", first.procedure)
+    return first.confirming.hours(again, again.run_list) * (1.0 + ABOUT)
 
 
 def _worth_its_time(first: First, proposals: Sequence[Proposal]) -> Proposal:
@@ -79,26 +97,26 @@ def _worth_its_time(first: First, proposals: Sequence[Proposal]) -> Proposal:
 
     With more replications such a run excludes a few more causes, and leaves the question as it is.
     """
-    again = Variation("", first.procedure)
-    most_h = first.confirming.hours(again, first.procedure.expand()) * (1.0 + ABOUT)
+    most_h = _first_h(first)
     likely = [one for one in proposals if one.likely]
     short = likely or [one for one in proposals if one.hours <= most_h]
     return _cheapest(short or [min(proposals, key=lambda one: one.hours)])
 
 
-def _bisected(first: First, runs: Sequence[OfPoints], pairs: frozenset[Pair] | None) -> list[Proposal]:
-    """The longest of these runs, from short to long, and others that find the shortest which tells as much or settles.
+def _bisected(runs: Sequence[Callable[[], Proposal]], pairs: frozenset[Pair] | None = None) -> list[Proposal]:
+    """The longest of these runs, from short to long, and others that find the shortest which tells as much, or settles
+    the pairs.
 
     A longer run tells more, so that a few forecasts are enough.
     """
     if not runs:
         return []
-    tried = [_proposal(first, runs[-1].variation(first))]
+    tried = [runs[-1]()]
     low, high = 0, len(runs) - 1
     while low < high:
         middle = (low + high) // 2
-        tried.append(_proposal(first, runs[middle].variation(first)))
-        if tried[-1].settles(pairs) or tried[-1].told >= tried[0].told - STEP:
+        tried.append(runs[middle]())
+        if tried[-1].told >= tried[0].told - STEP or (pairs is not None and tried[-1].settles(pairs)):
             high = middle
         else:
             low = middle + 1
@@ -121,19 +139,19 @@ def _of_chosen_points(
     kind = first.confirming
     found: list[OfPoints] = []
     pairs: frozenset[Pair] | None = None
-    most = max(len(variation.procedure.expand()) for variation in group)
+    most = max(len(variation.run_list) for variation in group)
     for times in kind.passes:
         whole = kind.whole(group, times)
         if whole is None or choice is None:
             break
-        run_list = whole.procedure.expand()
+        run_list = whole.run_list
         ways = kind.ways(whole, run_list, first.questions, first.later_s)
         least = t_limit(DISTINGUISHED, ways[0].df) - WORTH_A_FORECAST
         points = choice.of([ways[0], ways[-1]][: len(ways)], first.questions, kind.units(run_list), most)
         pairs = points.pairs if pairs is None else pairs
         for one in points.choose(kind.counts, least):
             variation = kind.chosen(whole, one.units)
-            hours = kind.hours(variation, variation.procedure.expand())
+            hours = kind.hours(variation, variation.run_list)
             if hours <= first.most_h:
                 found.append(OfPoints(whole, one, hours))
     most_sigmas, kept = 0.0, []
@@ -144,9 +162,12 @@ def _of_chosen_points(
     return kept, pairs
 
 
+def _proposal_of(first: First, run: OfPoints) -> Proposal:
+    return _proposal(first, run.variation(first))
+
+
 def _proposal(first: First, variation: Variation) -> Proposal:
-    kind, run = first.confirming, variation.procedure
-    run_list = run.expand()
+    kind, run, run_list = first.confirming, variation.procedure, variation.run_list
     both = kind.ways(variation, run_list, first.questions, first.later_s)
     expected = separation(both, first.questions)
     return Proposal(variation, expected, kind.hours(variation, run_list), kind.size(run), kind.mounting(run))

@@ -9,7 +9,15 @@ from typing import Any
 from rig.procedures.plan.fault_policies import ACCEPT, step_at
 from rig.procedures.plan.run_list import Factor, Settle
 from rig.run_file.chain import Record
-from rig.run_file.events.bench import AsFound, EnvironmentSettled, Fault, Prepared, Recovered, Warned
+from rig.run_file.events.bench import (
+    AsFound,
+    EnvironmentSettled,
+    EnvironmentStands,
+    Fault,
+    Prepared,
+    Recovered,
+    Warned,
+)
 from rig.run_file.events.event import Event
 from rig.run_file.events.points import CONTRADICTORY, Observed, Skipped, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import SessionBegan
@@ -78,6 +86,9 @@ class Evidence:
             case EnvironmentSettled():
                 self._settled = True
                 yield from self._environment(event.chambers)
+            case EnvironmentStands():
+                self._settled = True
+                yield from self._stands(event.chambers)
             case Prepared():
                 yield from self._prepared()
             case WholePlotBegan():
@@ -115,6 +126,19 @@ class Evidence:
         for name, evidence in chambers.items():
             asked = SettlingCriteria(wanted.setpoint_degC, wanted.tolerance_degC, wanted.dwell_s, drift)
             yield from unsettled(name, evidence, asked)
+
+    def _stands(self, chambers: Mapping[str, Any]) -> Iterator[str]:
+        wanted = self._case.environment
+        if wanted is None:
+            return
+        if missing := sorted(self._chambers - chambers.keys()):
+            yield f"it does not say how {', '.join(missing)} stood"
+        for name, state in chambers.items():
+            at, setpoint = state["temperature_degC"], state.get("setpoint_degC", wanted.setpoint_degC)
+            if not state.get("running", True) or abs(setpoint - wanted.setpoint_degC) > _SETPOINT_STANDS:
+                yield f"{name} did not control at {wanted.setpoint_degC:g} degC"
+            elif abs(at - wanted.setpoint_degC) > wanted.tolerance_degC:
+                yield f"{name} was at {at:g} degC, not within {wanted.tolerance_degC:g} of {wanted.setpoint_degC:g}"
 
     def _soak(self, event: WholePlotBegan) -> Iterator[str]:
         soak, bench = self._case.soak, self._case.bench
