@@ -62,8 +62,12 @@ class _Night:
     hours: int = 72
 
 
-_BY_A_PERSON = '\n[loop]\nallow = ["again", "order", "settings", "temperature", "wait", "person"]\n'
-"""A simulated bench has a simulated person, who locks the pads when a further run asks for it."""
+_BY_A_PERSON = (
+    '\n[loop]\nallow = ["again", "order", "settings", "temperature", "wait", "person"]\nbetween_runs = "safe"\n'
+)
+"""A simulated bench has a simulated person, who locks the pads when a further run asks for it. The question is of
+temperature, so that the enclosure settles anew in any case.
+"""
 _NIGHTS = {
     # A loop of three sensors takes twice as long: its forecasts of possible further runs are of all of them.
     Lab.ATTITUDE: _Night(
