@@ -141,6 +141,8 @@ class Rows:
         for column, value in ((self.t, t), (self.pitch, pitch), (self.roll, roll), (self.degC, degC)):
             column.append(value)
         t_, pitch_, roll_, degC_ = (np.array(column) for column in (self.t, self.pitch, self.roll, self.degC))
+        if len(t_) < 2:
+            return 0.0  # strangers take the usual time between rows, which one row does not have
         return self.cause.scale * float(self.cause.shape(t_, pitch_, roll_, degC_, self.many)[-1])
 
 

@@ -110,7 +110,13 @@ def _joint(fit: LinearFit, h: FloatArray, effects: FloatArray, covariance: Float
         return fit
     taken = np.linalg.lstsq(h, effects, rcond=None)[0]
     whole = fit.root @ fit.root.T + taken @ covariance @ taken.T / fit.sigma**2
-    return replace(fit, root=np.asarray(np.linalg.cholesky(whole)), beside=fit.beside + effects.shape[1])
+    try:
+        root = np.linalg.cholesky(whole)
+    except np.linalg.LinAlgError:  # many effects that look alike: a variance is below zero by rounding
+        values, along = np.linalg.eigh(covariance)
+        spread = taken @ along * np.sqrt(np.maximum(values, 0.0)) / fit.sigma
+        root = np.asarray(np.linalg.qr(np.column_stack([fit.root, spread]).T, mode="r")).T
+    return replace(fit, root=np.asarray(root), beside=fit.beside + effects.shape[1])
 
 
 def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tuple[FloatArray, FloatArray, FloatArray]:
