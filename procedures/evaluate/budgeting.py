@@ -121,6 +121,10 @@ class Evaluation(ABC):
     def columns(self) -> Columns:
         """The recorded columns that it uses, corrected."""
 
+    def lack(self, column: str) -> Sequence[str]:
+        """Outputs whose results do not depend on a column, if those of others do; () if all do, or none."""
+        return ()
+
     @property
     @abstractmethod
     def results(self) -> Results:

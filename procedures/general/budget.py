@@ -135,6 +135,11 @@ class GeneralEvaluation(EvaluationBySensor):
         """The sensors, in the order of the results."""
         return self._each
 
+    def lack(self, column: str) -> Sequence[str]:
+        """Outputs whose model has not a column, if that of others has."""
+        without = [one.name for one in self._each if column not in one.calibration.formula.names]
+        return without if len(without) < len(self._each) else ()
+
     @cached_property
     def columns(self) -> Columns:
         """The recorded columns that it uses, corrected."""

@@ -145,8 +145,8 @@ class GeneralKind(Kind):
             from rig.procedures.general.of_runs import RunModels, reader_of, trace_run  # noqa: PLC0415
 
             asked = RunModels.of(source.table, options.response, options.formula)
-            if asked is not None and set(_given(options)) <= _OF_RUNS:
-                return trace_run(asked, own)
+            if asked is not None and set(_given(options)) <= {*_OF_RUNS, "ignore"}:
+                return trace_run(asked, own, ignore=_names(options.ignore))
             read = reader_of(source.table)
         from rig.procedures.general.column_roles import Roles  # noqa: PLC0415
         from rig.procedures.general.directions import read_direction  # noqa: PLC0415

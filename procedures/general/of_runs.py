@@ -273,22 +273,24 @@ def _unused_by_all(every: Sequence[Mapping[str, Any]], outputs: Collection[str])
     return {**every[0], "columns": told}
 
 
-def trace_run(asked: RunModels, own: Laboratory = NOTHING, *, validate: bool = True) -> RunTraced:
+def trace_run(
+    asked: RunModels, own: Laboratory = NOTHING, *, validate: bool = True, ignore: Sequence[str] = ()
+) -> RunTraced:
     """Find effects missing in the declared model of every sensor; `own` is what the laboratory adds.
 
-    Without the left-out error, if not `validate`.
+    Without the left-out error, if not `validate`; without what columns to `ignore` say.
 
     Raises:
         DataError: there are too few rows for a model, or it cannot be read.
     """
     read = reader_of(asked.table)
-    every = {column: replace(roles, own=own) for column, roles in roles_of_run(asked).items()}
+    every = {column: replace(roles, own=own) for column, roles in roles_of_run(asked, ignore).items()}
     found = {column: trace_general_table(read, every[column], validate=validate) for column in steps([*every])}
     return RunTraced(found, tuple(column for column in asked.models if column not in found))
 
 
-def roles_of_run(asked: RunModels) -> dict[str, Roles]:
-    """Roles of the columns of a run in the trace of every output.
+def roles_of_run(asked: RunModels, ignore: Sequence[str] = ()) -> dict[str, Roles]:
+    """Roles of the columns of a run in the trace of every output, but of columns to ignore.
 
     Raises:
         DataError: a declared model cannot be read.
@@ -315,8 +317,8 @@ def roles_of_run(asked: RunModels) -> dict[str, Roles]:
             whole_plot=(_WHOLE_PLOT,) if plots else (),
             replicate=None if plots else _replicated(table),
             time=_TIME if _TIME in table.columns else None,  # a certificate's table may lack it
-            direction=_direction(table, used),
-            ignore=tuple(name for name in table.columns if _ignored(name, table)),
+            direction=None if (side := _direction(table, used)) in ignore else side,
+            ignore=tuple(dict.fromkeys([*ignore, *(name for name in table.columns if _ignored(name, table))])),
         )
     return {column: replace(roles, sensors=len(found)) for column, roles in found.items()}
 

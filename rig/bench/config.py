@@ -396,9 +396,14 @@ def due_dates(
         config: the bench.
         known: dates by asset number, as a register states them, of entries that have none in the bench file.
     """
-    named = (("instrument", config.instruments), ("reference", config.references))
+    read_by = {name: one.asset for name, one in config.instruments.items()}
     every = [
-        (kind, name, one.asset, one.due or known.get(one.asset)) for kind, all_ in named for name, one in all_.items()
+        *(("instrument", n, one.asset, one.due or known.get(one.asset)) for n, one in config.instruments.items()),
+        # A reference without an asset number is the standard that reads it: one instrument, one certificate.
+        *(
+            ("reference", n, one.asset or read_by.get(one.reader, ""), one.due or known.get(one.asset))
+            for n, one in config.references.items()
+        ),
     ]
     dated = {asset for _, _, asset, due in every if due is not None}
     lines: dict[tuple[str, str, date | None], list[str]] = {}

@@ -120,8 +120,13 @@ def _read_csv(path: Path) -> Table:
         columns = {n: np.array([_number(path, number, n, row[i]) for number, row in body]) for i, n in enumerate(names)}
     else:
         columns, rows = known
-    simulated = bool(columns.get("simulated", np.zeros(1)).any())
-    return Table(str(path), columns, simulated, {"file": path.name, "simulated": simulated}, rows=rows)
+    return _table(path, columns, rows)
+
+
+def _table(path: Path, columns: dict[str, FloatArray], rows: Sequence[int], **more: Any) -> Table:
+    """A table of a file; simulated, if a column says so: a dry run stays one after `rig export`."""
+    simulated = bool(np.any(columns.get("simulated", 0.0)))
+    return Table(str(path), columns, simulated, {"file": path.name, "simulated": simulated}, rows=rows, **more)
 
 
 def read_any_csv(path: Path, needed: Collection[str], asked: FileForm = NOTHING) -> Table:
@@ -162,7 +167,7 @@ def _read_any_csv(path: Path, needed: Collection[str]) -> Table:
         if name not in names:
             raise UsageError(f"{path}: there is no column {name!r}; it has {', '.join(names)}")
     if known is not None:
-        return Table(str(path), known[0], False, {"file": path.name, "simulated": False}, rows=known[1])
+        return _table(path, known[0], known[1])
     columns, text, missing = {}, {}, {}
     for i, name in enumerate(names):
         cells = [row[i].strip() for _, row in body]
@@ -177,8 +182,7 @@ def _read_any_csv(path: Path, needed: Collection[str]) -> Table:
                 raise UsageError(f"{path}, row {gaps[0]}, column {name}: the value is missing; fill it in")
             text[name] = np.array(cells)
     rows = [number for number, _ in body]
-    provenance = {"file": path.name, "simulated": False}
-    return Table(str(path), columns, False, provenance, text=text, gaps=missing, rows=rows)
+    return _table(path, columns, rows, text=text, gaps=missing)
 
 
 def read_gappy_csv(path: Path, numbers: Collection[str], asked: FileForm = NOTHING) -> Table:
@@ -212,10 +216,9 @@ def read_gappy_csv(path: Path, numbers: Collection[str], asked: FileForm = NOTHI
 
 
 def _read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
-    provenance = {"file": path.name, "simulated": False}
     known = _all_numbers(path)
     if known is not None:
-        return Table(str(path), known[0], False, provenance, rows=known[1])
+        return _table(path, known[0], known[1])
     names, body = _cells_of(path)
     columns, text = {}, {}
     for i, name in enumerate(names):
@@ -230,7 +233,7 @@ def _read_gappy_csv(path: Path, numbers: Collection[str]) -> Table:
             )
         else:
             text[name] = np.array(cells)
-    return Table(str(path), columns, False, provenance, text=text, rows=[number for number, _ in body])
+    return _table(path, columns, [number for number, _ in body], text=text)
 
 
 def read_seen_csv(path: Path, asked: FileForm = NOTHING) -> Table:

@@ -25,10 +25,16 @@ _WHOLE = ("m", "min", "mol", "mmHg", "mHg", "kg", "Pa", "psi", "psia", "psig", "
 """Units that begin like a prefix, or that have none."""
 
 
+_TIMES = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
+"""Units of time without a prefix, in seconds: a flow in kg_per_h is one in kg_per_min."""
+
+
 def scale(of: str, to: str) -> float | None:
-    """Number of units `to` in one `of`, which differ by a prefix at most; None if they are different units."""
+    """Number of units `to` in one `of`, which differ by a prefix or are of time; None for others."""
     if of == to:
         return 1.0
+    if of in _TIMES and to in _TIMES:
+        return _TIMES[of] / _TIMES[to]
     parts = of.split(PER), to.split(PER)
     if len(parts[0]) > 1 and len(parts[0]) == len(parts[1]):
         top, *below = (scale(one, other) for one, other in zip(*parts, strict=True))

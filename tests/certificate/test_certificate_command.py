@@ -28,6 +28,7 @@ from rig.tables import run_table
 from rig.units.si import per_term
 from rig.verbs.budget.evaluation import checked_run, run_with_register
 from rig.verbs.budget.found import Found, found_in
+from rig.verbs.budget.held import held
 from rig.verbs.budget.result import budget
 from rig.verbs.certificate.files import changes, write_once
 from rig.verbs.certificate.issue import Issue, issue
@@ -604,6 +605,19 @@ def test_a_factor_without_influence_is_no_part_of_a_point_and_the_certificate_sa
     )
     document = make(asked(warm, settled(tmp_path, text=text))).document
     assert "Of the points oven_degC is not used: the model of the results does not have it." in " ".join(document.notes)
+
+
+def test_a_temperature_in_the_model_of_one_sensor_is_still_a_condition_of_the_others(warm):
+    """An amended certificate lost the temperature of the chamber when one of four sensors depended on it."""
+    table = run_table(warm)
+    table = replace(table, outputs={"cell_V": "cell", "other_V": "other"})
+    some = SimpleNamespace(
+        columns={"force_kN": 0, "oven_degC": 0}, lack=lambda name: ["other_V"] if name == "oven_degC" else ()
+    )
+    (told,) = held(table, (), some, ())
+    assert told.startswith("results of other hold at the conditions of the run, which their models do not have: oven ")
+    every = SimpleNamespace(columns={"force_kN": 0, "oven_degC": 0}, lack=lambda _: ())
+    assert [*held(table, (), every, ())] == []
 
 
 @pytest.mark.parametrize(

@@ -101,3 +101,10 @@ def test_results_of_the_declared_model_hold_at_all_conditions_that_they_are_said
         for chamber_degC in (10.0, 40.0):
             truth = output + 0.02 * flow * (chamber_degC - 25.0)
             assert abs(float(one["value"]) - truth) < float(one["expanded"]), (flow, chamber_degC)
+
+
+def test_a_reference_without_an_asset_number_has_the_due_date_of_the_standard_that_reads_it(lab):
+    """The standard was due on a day, and the reference standard that it is had no due date."""
+    told = rig("doctor", "--bench", "bench.toml", "--dry", cwd=lab, env={"COLUMNS": "200"}).stdout
+    assert "calibration of coriolis" in told
+    assert "reference standard of flow" not in told

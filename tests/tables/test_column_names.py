@@ -166,7 +166,7 @@ def test_a_laboratory_with_such_a_factor_is_run_fitted_and_exported(tmp_path, mo
     [
         ("mV_per_V", "uV_per_V", 1e3),
         ("V_per_V", "mV_per_V", 1e3),
-        ("L_per_min", "L_per_h", None),
+        ("L_per_min", "L_per_h", 60.0),
         ("m3_per_h", "mm3_per_h", None),  # no thousandth of it
         ("mm2", "um2", None),
         ("mV_per_V", "mV", None),
@@ -219,3 +219,12 @@ def test_a_run_of_a_flow_in_cubic_metres_per_hour(tmp_path):
     budget = rig("budget", path, "--equipment", register, "--at", "flow_m3_per_h=20", "--full")
     assert budget.returncode == 0, budget.stderr
     assert "orifice output at flow 20 m3/h" in budget.stdout
+
+
+def test_a_flow_per_hour_is_one_per_minute():
+    """kg_per_h did "not convert to kg_per_min", while g_per_min did."""
+    assert scale("kg_per_h", "kg_per_min") == pytest.approx(1 / 60)
+    assert scale("m3_per_s", "m3_per_h") == pytest.approx(3600)
+    assert scale("h", "min") == pytest.approx(60)
+    assert scale("min", "m") is None
+    assert scale("kg_per_h", "m3_per_h") is None

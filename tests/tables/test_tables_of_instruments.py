@@ -544,3 +544,12 @@ def test_names_that_are_units_beside_numbered_rows_are_names(tmp_path, names):
     table = read_any_csv(path, others)
     assert [table.columns[name].tolist()[:2] for name in others] == [[0, 1], [0.1002, 0.2011]]
     assert read_any_csv(path, (first,)).columns[first].tolist() == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("more", ["", ",note"])
+def test_a_table_of_a_dry_run_stays_simulated_with_named_columns(tmp_path, more):
+    cells = [f"{x},{2 * x + 0.01 * (x * 7 % 5 - 2):.4f},1{',ok' if more else ''}" for x in range(20)]
+    (tmp_path / "e.csv").write_text("\n".join([f"x,y,simulated{more}", *cells]) + "\n")
+    done = rig("trace", "e.csv", "--response", "y", "--formula", "1 + x", "--report", "e.html", cwd=tmp_path)
+    assert done.stdout.startswith("SIMULATED e.csv"), done.stdout
+    assert "SIMULATED: no real instrument" in (tmp_path / "e.html").read_text()

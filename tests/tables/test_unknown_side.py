@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -90,3 +92,14 @@ def test_the_side_of_a_measured_setting_is_that_of_its_setpoints():
     data = _data({**columns, "supply_V": read, "supply_set_V": columns["supply_V"]}, direction="supply_V")
     assert data.scene.direction[0] == "side(supply_set_V)"
     np.testing.assert_array_equal(data.scene.direction[1], columns["supply_side"])
+
+
+def test_the_size_of_an_effect_of_direction_is_that_of_rows_whose_side_is_known(monkeypatch):
+    """One first row, 0.105 by itself, was the size "to either side" of a direction effect of 0.05."""
+    monkeypatch.setattr(family, "MOST", 500)
+    run = _run()
+    run["one_V"][0] += 20 * SIZE
+    (found,) = [one for one in trace_general(_data(run)).added if one.effect.startswith("direction")]
+    assert found.coefficients[1] > 10 * SIZE
+    assert float(re.search(r"up to ([\d.e-]+)", found.size)[1]) == pytest.approx(SIZE, rel=0.1)
+    assert found.rms < 1.2 * SIZE

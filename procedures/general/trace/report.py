@@ -22,8 +22,9 @@ from rig.fitter.trace.not_kept import in_place_of
 from rig.fitter.trace.search import names_of
 from rig.fitter.trace.shares import of_rest, shares, unnamed_part
 from rig.procedures.general.effects import TableEffect
+from rig.procedures.general.effects.columns import without_side
 from rig.procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
-from rig.procedures.general.effects.time_columns import lag
+from rig.procedures.general.effects.time_columns import lag, of_start
 from rig.procedures.general.swept import all_swept, functions_alike, swept_once
 from rig.procedures.general.trace.cross import SHARING, left_out
 from rig.procedures.general.trace.drawn import drawn_instead
@@ -171,7 +172,8 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
     labels = tuple(label for j in mine for label in judge.candidates[j].term.labels)
     values, errors = after.coefficients[picked], after.stderr[picked]
     basis = orthonormal(problem.declared)
-    whole = problem.of(mine) @ values
+    # A row whose side, or whose earlier setting, is unknown has a column of its own: no part of the size.
+    whole = problem.of(mine) @ np.where([of_start(one) or without_side(one) for one in labels], 0.0, values)
     own = whole - basis @ (basis.T @ whole)
     p = min(judge.p_adjusted(chosen, j) for j in mine)
     experiments = dict.fromkeys((effect.separate_by, *(other.separate_by for other in alike[:2])))

@@ -326,7 +326,7 @@ def budget_of(
     notes = [*of.stated.what_is_lacking(unstated), meter, *found.notes, *of.stated.unused]
     notes += as_in_run(_inferred_from(evaluation, results), of.table.within)
     outside = tuple(outside_of(of.table, at))
-    notes += [*outside, *held(of.table, of.config.temperatures, evaluation.columns, at)]
+    notes += [*outside, *held(of.table, of.config.temperatures, evaluation, at)]
     if of.corrected:
         notes.insert(0, f"corrected by the certificates: {', '.join(of.corrected)}")
     if of.stated.example:

@@ -11,9 +11,11 @@ from rig.procedures.column_names import stem_of, unit_of
 from rig.register.surroundings import shown_unit
 
 if TYPE_CHECKING:
+    from rig.procedures.evaluate.budgeting import Evaluation
     from rig.procedures.tables.table import Table
 
 HOLD = "results hold at the conditions of the run, which are in no model: {conditions}"
+HOLD_OF = "results of {sensors} hold at the conditions of the run, which their models do not have: {conditions}"
 NOT_USED = "of the points {name} is not used: the model of the results does not have it"
 
 SLACK = 0.01
@@ -21,28 +23,33 @@ SLACK = 0.01
 
 
 def held(
-    table: Table, temperatures: Collection[str], used: Collection[str], at: Sequence[Mapping[str, float]]
+    table: Table, temperatures: Collection[str], evaluation: Evaluation, at: Sequence[Mapping[str, float]]
 ) -> Iterator[str]:
-    """Sentences about factors and recorded temperatures on which no result depends.
+    """Sentences about factors and recorded temperatures on which no result depends, or not that of every sensor.
 
     Args:
         table: the observations of the run.
         temperatures: columns with temperatures that were recorded.
-        used: columns on which results depend.
+        evaluation: of the results.
         at: points of the results.
     """
     columns = table.columns
-    free = [one for one in dict.fromkeys((*table.factors, *temperatures)) if one not in used]
-    told = []
-    for name in free:
+    known = dict.fromkeys((*table.factors, *temperatures))
+    free = [one for one in known if one not in evaluation.columns]
+    told: dict[tuple[str, ...], list[str]] = {}
+    for name in known:
+        if name not in free and not evaluation.lack(name):
+            continue
+        sensors = tuple(table.outputs.get(one, one) for one in evaluation.lack(name))
         values = columns.get(name, np.zeros(0))
         values = values[np.isfinite(values)]
         if len(values):
             low, mean, high = (f"{value:.4g}" for value in (values.min(), values.mean(), values.max()))
             words, unit = stem_of(name).replace("_", " "), shown_unit(name)
-            told.append(f"{words} {low} to {high} {unit}, mean {mean} {unit}")
-    if told:
-        yield HOLD.format(conditions="; ".join(told))
+            told.setdefault(sensors, []).append(f"{words} {low} to {high} {unit}, mean {mean} {unit}")
+    for sensors, every in told.items():
+        words = "; ".join(every)
+        yield HOLD_OF.format(sensors=", ".join(sensors), conditions=words) if sensors else HOLD.format(conditions=words)
     yield from (NOT_USED.format(name=name) for name in free if any(name in one for one in at))
 
 

@@ -87,7 +87,7 @@ def lacking(
         states = dict.fromkeys(names, "over the conditions of the run") | dict(holds.get(output, {}))
         told = ""
         if output in mine and output in theirs:
-            away = np.abs(theirs[output] - mine[output])
+            away = _known(table, np.abs(theirs[output] - mine[output]))
             told = f"{_worst(table, output, away)}{_covered(table, declared, output, away, made)}"
         found[output] = Holding({one: states[one] for one in names}, told, tuple(names))
     return found
@@ -106,10 +106,20 @@ def left_out(table: Table, evaluation: Evaluation, made: Sequence[Budgeted]) -> 
         if states:
             told = ""
             if output in aside:
-                away = np.abs(aside[output])
+                away = _known(table, np.abs(aside[output]))
                 told = f"{_worst(table, output, away, WAS_AWAY)}{_covered(table, evaluation, output, away, made)}"
             found[output] = Holding(states, told)
     return found
+
+
+def _known(table: Table, away: FloatArray) -> FloatArray:
+    """(n,) what rows are away, zero for those whose side of approach is unknown: their part in an effect is their own.
+
+    One reading that nothing else determines was told as the place where the run was farthest away.
+    """
+    sides = [values for name, values in table.columns.items() if name.endswith("_side") and np.any(values != 0.0)]
+    unknown = np.any([values == 0.0 for values in sides], axis=0) if sides else np.zeros(len(away), np.bool_)
+    return away if unknown.all() else np.where(unknown, 0.0, away)
 
 
 WITH_THEM, WAS_AWAY = "the model with these effects is {} away", "the output was {} away from these states"

@@ -196,10 +196,11 @@ def repeatability_only(run: RunBudget) -> tuple[str, ...]:
 
 def conditions(run: RunBudget, stage: Stage) -> Iterator[Condition]:
     """Temperatures and what else of the room was recorded with the observations, or is stated by the laboratory. A
-    temperature that was set is one, if the model of the results does not have it.
+    temperature that was set is one, if the model of a result does not have it.
     """
     of = run.of
-    varied = [one for one in of.table.factors if unit_of(one) == "degC" and one not in run.evaluation.columns]
+    used = {name for name in run.evaluation.columns if not run.evaluation.lack(name)}
+    varied = [one for one in of.table.factors if unit_of(one) == "degC" and one not in used]
     for name in dict.fromkeys((*of.config.temperatures, *varied)):
         values = of.table.columns.get(name)
         if values is not None and np.isfinite(values).all():

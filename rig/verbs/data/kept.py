@@ -48,7 +48,7 @@ def budget_section(
     notes = [*more.notes, *(told.get(note, note) for note in notes)]
     lacking = of.stated.what_is_lacking(of.stated.unstated(evaluation.columns))
     notes[:0] = [*lacking, *of.stated.unused]
-    notes += held(of.table, of.config.temperatures, evaluation.columns, ())
+    notes += held(of.table, of.config.temperatures, evaluation, ())
     if without and not more.whole:
         notes.insert(0, f"{', '.join(without)}: not in the model of the calibration; intervals have it only as scatter")
     if of.corrected:
