@@ -156,7 +156,7 @@ def _covered(table: Table, declared: Evaluation, output: str, away: FloatArray, 
     ]
     if outside:
         return f" The uncertainty does not cover that: {'; '.join(outside)}."
-    return " At the settings of each output its uncertainty covers that." if outputs else ""
+    return " At the settings of each output it is less than U." if outputs else ""
 
 
 def _near(table: Table, away: FloatArray, at: Mapping[str, float]) -> float:
