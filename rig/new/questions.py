@@ -217,7 +217,8 @@ QUESTIONS: tuple[Question, ...] = (
     _address(CHAMBER),
     Question(
         "soak_min", "How many minutes at temperature before it is read?", "after chamber and thermometers have arrived",
-        lambda _: 20.0, lambda v, _: of.number(v, 0, 10_000), when=lambda a: has_chamber(a) or soaked(a),
+        lambda a: 60.0 if has_chamber(a) else 20.0, lambda v, _: of.number(v, 0, 10_000),
+        when=lambda a: has_chamber(a) or soaked(a),
     ),
     Question(
         "order", "In which order?", "of the levels",

@@ -137,3 +137,19 @@ def test_a_chamber_whose_load_follows_slowly(tmp_path, dwell, drift, short):
         assert f"oven_degC: {exp(-600 / 1800):.2g} degC of a step of 30 degC" in found[0]
         assert "temperatures.package_degC, 1800 s" in found[0]
         assert "soak.dwell_s = " in found[0]
+
+
+@pytest.mark.parametrize(("dwell", "left"), [(60, 26.0), (1200, 2.5), (3600, None)])
+def test_a_chamber_without_a_thermometer_in_it_is_compared_with_what_the_forecast_assumes(tmp_path, dwell, left):
+    """Its own display settles long before what is in it: 60 s of soak were planned without a word."""
+    alone = OVEN.partition("[temperatures.package_degC]")[0]
+    bench = f"{BENCH}{alone}".replace("[factors]", '[factors]\noven_degC = "oven"').replace(
+        "[limits]", "[limits]\noven_degC = [0, 60]"
+    )
+    found = [one for one in short_dwells(planned(tmp_path, bench, SOAKED.format(dwell, 2))) if "oven" in one]
+    assert bool(found) == (left is not None)
+    if left is not None:
+        assert (
+            f"oven_degC: {left:.2g} degC of a step of 30 degC is left after the dwell, by the time constant" in found[0]
+        )
+        assert "what is in the chamber, which is assumed, 480 s" in found[0]

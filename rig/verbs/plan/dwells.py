@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rig.bench.bench_file import check_options, playing
+from rig.bench.config import FOLLOWS_S
 from rig.drivers.roles import Chamber, Source
 from rig.fitter.arithmetic_text import parse_expression
 from rig.fitter.errors import FitError
@@ -74,6 +75,8 @@ def _time_constant(plan: Plan, factor: Factor, own: float | None) -> tuple[float
         found = [(stated, f"{table} of the world")] if stated else []
     thermometers = ((bench.temperatures[one].follows_s, f"temperatures.{one}") for one in bench.thermometers(name))
     found += [(seconds, of) for seconds, of in thermometers if seconds]
+    if not found and factor.hard and unit_of(name) == TEMPERATURE_UNIT and setter in playing(bench, Chamber):
+        found = [(FOLLOWS_S, "what is in the chamber, which is assumed")]  # as the forecast assumes it
     return max(found, default=None)
 
 
@@ -94,7 +97,8 @@ def _criterion(plan: Plan, factor: Factor, options: Any, tau: float, step: float
         seen = plan.bench.thermometers(factor.name)
         band = soak.sensor_tolerance_degC if seen else soak.tolerance_degC
         settle = Settle(band, soak.dwell_s, soak.drift_degC_per_h / 3600.0, soak.timeout_s)
-        return "soak.dwell_s", settle, min(step, _inside(settle, tau))
+        # A chamber's own display settles long before what is in it: nobody sees how far that has come.
+        return "soak.dwell_s", settle, min(step, _inside(settle, tau)) if seen else step
     settle = conduct.settled(factor.axis)
     within, read = getattr(options, "tolerance", None), getattr(options, "read", True) is not None
     if getattr(options, "settled", None) is not None:
