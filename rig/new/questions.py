@@ -161,8 +161,8 @@ def _channels(given: Any, answers: Answers) -> int:
     there = instruments.channels(name, options, answers["reads_in"])
     if there is not None and len(there) < found:
         raise ValueError(
-            f"{name} has {len(there)} of {spelled(answers['reads_in'])} ({', '.join(there)}); choose fewer, or another "
-            "instrument"
+            f"{name} has {len(there)} of {spelled(answers['reads_in'])} ({', '.join(there)}); choose fewer, "
+            "another instrument, or write the file of yours (docs/how_to/own_instrument.md)"
         )
     return found
 

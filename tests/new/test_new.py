@@ -118,10 +118,13 @@ def test_the_answers_are_kept_and_make_the_same_files(tmp_path):
 def test_every_line_of_register_world_and_bench_can_be_used_when_its_mark_is_taken_away(tmp_path):
     _, lab = made(tmp_path, ONE)
     path = lab / "equipment.toml"
+    day = "a day on which the certificates of the register are valid"
+    assert day not in rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=lab).stdout  # it has none yet
     path.write_text("".join(line.removeprefix("# ") for line in path.read_text().splitlines(keepends=True)[2:]))
     path.write_text(path.read_text().replace("2027-01-31", "2999-01-31"))
     done = rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=lab)
     assert done.returncode == 0, done.stderr
+    assert day in done.stdout
     assert "the register states no error" not in done.stdout
     done = rig(
         "run", "procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml", "--create-only", cwd=lab

@@ -29,7 +29,7 @@ from rig.procedures.plan.hand_steps import ALLOWANCE_H, HandStep
 from rig.procedures.present.blocks import Block, Grid, Line
 from rig.procedures.present.durations import duration
 from rig.procedures.tables.unused import known_unit_of
-from rig.register import DOCUMENT
+from rig.register import DOCUMENT, parse_register
 from rig.runs.forecast import ALLOWANCE, SOAK_ALLOWANCE, Forecast, rehearse
 from rig.runs.plans import Plan as Checked
 from rig.runs.plans import load_plan
@@ -143,13 +143,15 @@ class Plan(Result):
 
     @property
     def _dry_day(self) -> date | None:
-        """Day of a simulated night by the register; None without a register, and for a plan of a dry or live bench."""
+        """Day of a simulated night by the register; None without a certificate, or if dry or live."""
         checked = self.checked
-        if checked.dry or checked.bench.live is not None or DOCUMENT not in checked.documents:
+        text = checked.documents.get(DOCUMENT)
+        if checked.dry or checked.bench.live is not None or text is None:
             return None
         from rig.simulated.calendar import begins  # noqa: PLC0415 - few plans have a register
 
-        return begins({}, checked.bench, checked.documents[DOCUMENT]).date()
+        dated = any(one.certificate is not None for one in parse_register(text, DOCUMENT).equipment.values())
+        return begins({}, checked.bench, text).date() if dated else None
 
     @property
     def _limits(self) -> Mapping[str, tuple[float, float]]:
