@@ -284,7 +284,16 @@ def _certificate(answers: Answers) -> Iterator[str]:
     yield _line("number", "CAL-{year}-{next:04d}", "the next number that no certificate has")
     yield _line("country", "", "of your laboratory, two letters: GB")
     yield _line("item", "", "what you calibrate, in words: load cell, 10 kN")
+    yield from ["at = [                                # settings at which outputs are stated", *_points(answers), "]"]
     yield from ["", "[method]", _line("name", "", "your procedure, by number and title")]
+
+
+def _points(answers: Answers) -> Iterator[str]:
+    """Lines of the lowest, a middle, and the highest level, with a middle of what else the model has."""
+    name, levels = factor(answers), sorted(answers["levels"])
+    more = {n: sorted(v)[len(v) // 2] for n, v in factors(answers).items() if n != name and n in answers["model"]}
+    for level in dict.fromkeys((levels[0], levels[len(levels) // 2], levels[-1])):
+        yield f"    {{ {', '.join(toml_text({n: v}).strip() for n, v in {name: level, **more}.items())} }},"
 
 
 def _world(answers: Answers) -> Iterator[str]:

@@ -107,6 +107,8 @@ def test_somebody_who_does_not_know_gets_the_straight_line_and_is_told(tmp_path)
     text = (lab / "procedure.toml").read_text()
     assert 'formula = "1 + pressure_bar"' in text
     assert "# No model was named" in text
+    points = tomllib.loads((lab / "certificate.toml").read_text())["at"]
+    assert points == [{"pressure_bar": 0.0}, {"pressure_bar": 5.0}, {"pressure_bar": 10.0}]
 
 
 def test_the_answers_are_kept_and_make_the_same_files(tmp_path):
