@@ -65,8 +65,8 @@ class _Night:
 _BY_A_PERSON = (
     '\n[loop]\nallow = ["again", "order", "settings", "temperature", "wait", "person"]\nbetween_runs = "safe"\n'
 )
-"""A simulated bench has a simulated person, who locks the pads when a further run asks for it. The question is of
-temperature, so that the enclosure settles anew in any case.
+"""A simulated bench has a simulated person, who locks the pads when a further run asks for it. Its enclosure
+does not stay on between runs: the example's noise, and the figures of its picture, are those of runs that settle anew.
 """
 _NIGHTS = {
     # A loop of three sensors takes twice as long: its forecasts of possible further runs are of all of them.
