@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 
 from rig.contracts.declared.instrument import parse
 
@@ -87,17 +87,14 @@ def _lines(ask: Ask, wire: str, role: str, unit: str, maker: str, model: str) ->
     ]
     command = ask("Command for a setpoint of 25", "SP 25")
     found.append(f"set = {_text(re.sub(r'25([.]0*)?', '{value:.2}', command, count=1))}        # .2: two decimals")
-    for key, what, assumed in (
+    asked = (
         ("setpoint", "Question for the setpoint", "SP?"),
         ("read", "Question for its own reading", "PV?"),
         ("on", "Command that switches it on (empty: it is always on)", "ON"),
         ("off", "Command that switches it off (empty: none)", "OFF"),
         ("output", "Question whether it is on (empty: none)", "ON?"),
-    ):
-        if said := ask(what, assumed):
-            found.append(f"{key} = {_text(said)}")
-    if not any(line.startswith("off") for line in found):
-        found.append(f"safe_value = {ask('Setpoint of its safe state', '25')}")
+    )
+    found += _of_source(ask, asked)
     return [
         *found,
         "tolerance = 0.1                 # near enough to its setpoint",
@@ -127,6 +124,17 @@ def _registers(ask: Ask, role: str, unit: str) -> list[str]:
     return [*found, "tolerance = 0.2", "dwell_s = 60"]
 
 
+def _of_source(ask: Ask, asked: Sequence[tuple[str, str, str]]) -> Iterator[str]:
+    """Lines of a source: key, question and proposal of each; and a safe setpoint where it is not switched off."""
+    off = False
+    for key, what, assumed in asked:
+        if said := ask(what, assumed):
+            off |= key == "off"
+            yield f"{key} = {_text(said)}"
+    if not off:
+        yield f"safe_value = {ask('Setpoint of its safe state', '25')}"
+
+
 def _messages(ask: Ask, role: str, unit: str) -> list[str]:
     found = ["[identity]                      # listened for before anything is sent"]
     found.append(f"ask = {_text(ask('Signal that tells it from others, MESSAGE.SIGNAL', 'Product.Type'))}")
@@ -137,17 +145,14 @@ def _messages(ask: Ask, role: str, unit: str) -> list[str]:
         return [*found, f"reading = {_text(ask('Signal of the reading', 'Readings.Temperature'))}"]
     found += [f"low = {ask('Lowest setpoint', '0')}", f"high = {ask('Highest setpoint', '100')}"]
     found.append(f"set = {_text(ask('Message with the setpoint', 'Command: Setpoint = {value}'))}")
-    for key, what, assumed in (
+    asked = (
         ("setpoint", "Signal of the setpoint", "State.Setpoint"),
         ("read", "Signal of its own reading", "State.Actual"),
         ("on", "Message that switches it on (empty: it is always on)", "Command: Enable = 1"),
         ("off", "Message that switches it off (empty: none)", "Command: Enable = 0"),
         ("output", "Signal that tells whether it is on (empty: none)", "State.Enabled"),
-    ):
-        if said := ask(what, assumed):
-            found.append(f"{key} = {_text(said)}")
-    if not any(line.startswith("off") for line in found):
-        found.append(f"safe_value = {ask('Setpoint of its safe state', '25')}")
+    )
+    found += _of_source(ask, asked)
     return [*found, "tolerance = 0.1                 # near enough to its setpoint", "dwell_s = 60"]
 
 
