@@ -30,16 +30,6 @@ from hypothesis import settings  # noqa: E402
 settings.register_profile("seeded", derandomize=True, deadline=None, print_blob=True)
 settings.load_profile("seeded")
 
-
-@pytest.fixture
-def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A quarter of what is drawn to judge effects tells 3.5 % from nothing as surely, where something is.
-
-    For tests of something else than the level; runs with nothing in them are judged with all the draws.
-    """
-    monkeypatch.setattr("rig.procedures.attitude.trace.family.DRAWS", 5_000)
-
-
 LONGEST = ("an_installed_wheel", "trace", "trace_whole_plots", "trace_effects", "kills", "confirm", "live_bench")
 LONG = Path(__file__).parent / "long.txt"
 """Tests that `make test` leaves to `make test-all`."""

@@ -85,7 +85,7 @@ def test_a_fit_is_what_the_command_prints(table, pressure):
     assert left_out.to_json()["data"]["rows_left_out"] != []
 
 
-def test_a_trace_is_what_the_command_prints(table, few_draws):
+def test_a_trace_is_what_the_command_prints(table):
     assert rig.open(ATTITUDE).trace().to_json() == printed("trace", ATTITUDE)
     found = rig.open(table).trace(**GENERAL)
     assert found.to_json() == printed("trace", table, *options(GENERAL))

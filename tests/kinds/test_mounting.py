@@ -15,8 +15,6 @@ from rig.procedures.attitude.table import attitude_data
 from rig.sims.physics.rotations import apply, pitch_matrix, roll_matrix
 from rig.tables import read_table
 
-pytestmark = pytest.mark.usefixtures("few_draws")
-
 LAB = example("attitude-lab")
 WORLD = """
 seed = 4

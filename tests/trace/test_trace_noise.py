@@ -31,7 +31,6 @@ def with_outliers(data, rows, sd):
     return replace(data, outputs={**data.outputs, X: y})
 
 
-@pytest.mark.usefixtures("few_draws")
 def test_readings_far_off_are_pointed_at_and_hide_nothing():
     data, _ = simulate(sized("cube", 1.0, PLAN), PLAN, seed=3)
     spoilt = with_outliers(data, [17, 311], [60.0, -25.0])
@@ -57,7 +56,6 @@ def test_readings_far_off_make_no_effect():
     assert set(found.outliers) == {5, 400}
 
 
-@pytest.mark.usefixtures("few_draws")
 def test_a_head_that_shakes_is_said_to_make_noise_that_grows_with_the_slope():
     found = trace(simulate(Bench(jitter_deg=3e-4), D1(180, 13, 13), seed=1)[0], validate=False)
     assert names(found) == set()
@@ -69,7 +67,6 @@ def test_a_head_that_shakes_is_said_to_make_noise_that_grows_with_the_slope():
     assert (low, high) == pytest.approx((0.77, 1.15), abs=0.08)
 
 
-@pytest.mark.usefixtures("few_draws")
 def test_an_offset_that_walks_is_a_finding():
     found = trace(simulate(Bench(wander=8.0), D1(180, 13, 13), seed=1)[0], validate=False)
     assert names(found) == set()
@@ -78,7 +75,6 @@ def test_an_offset_that_walks_is_a_finding():
     assert walk.coefficients[0] == pytest.approx(8 * SIGMA_V, rel=0.6)
 
 
-@pytest.mark.usefixtures("few_draws")
 def test_an_effect_of_the_sensor_in_time_is_doubtful_beside_an_offset_that_walks():
     """A heater that follows the load looked like a walk and, in one sensor, like creep."""
     first, *others = Bench().sensors

@@ -1,5 +1,6 @@
 """The engine on products of strata: the same likelihoods as from rows; attitude runs searched by it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, Stratum
 from rig.fitter.trace.engine.problem import Candidate
 from rig.fitter.trace.engine.strata import StrataJudge
 from rig.fitter.trace.engine.term import TableTerm
+from rig.procedures.attitude.effects import CATALOGUE
 from rig.procedures.attitude.trace import trace
 
 POINTS, VISITS, WIDTHS = 12, 4, (1, 2, 1, 1)
@@ -47,6 +49,8 @@ def made(seed=1):
         ordered=False,
         strata=(within, between),
         length=np.linalg.norm(columns, axis=0),
+        part=np.arange(2),
+        scatter=np.zeros(2, np.int64),
     )
     return y, columns, means, StrataJudge(problem)
 
@@ -81,30 +85,71 @@ def test_few_draws_find_something_where_nothing_is():
     assert found <= 5
 
 
+def test_coefficients_are_those_of_the_rows():
+    """By generalised least squares; errors by the mean squares within and between points, each by itself."""
+    y, columns, means, judge = made()
+    chosen = (1, 2)
+    picked = judge.problem.picked(chosen)
+    found = judge.problem.fitted(2, picked)
+    covariance = np.eye(len(y)) + RATIOS[2] * means @ means.T
+    x, inverse = columns[:, picked], np.linalg.inv(covariance)
+    spread = np.linalg.inv(x.T @ inverse @ x)
+    assert found.value == pytest.approx(spread @ x.T @ inverse @ y, rel=1e-9)
+    left, meat, uncertain = y - x @ found.value, np.zeros_like(spread), 0.0
+    for hat, weight, df in (
+        (np.eye(len(y)) - means @ means.T, 1.0, len(y) - POINTS),
+        (means @ means.T, 1.0 / (1.0 + RATIOS[2]), POINTS),
+    ):
+        products = weight * x.T @ hat @ x
+        free = df - np.sum(products * spread)
+        own = spread @ products @ spread * weight * float(left @ hat @ left) / free
+        meat, uncertain = meat + own, uncertain + np.diag(own) ** 2 / free
+    assert found.covariance == pytest.approx(meat, rel=1e-9)
+    assert found.df == pytest.approx(np.diag(meat) ** 2 / uncertain, rel=1e-9)
+
+
+def test_a_column_that_others_replace_has_no_coefficient():
+    judge = made()[3]
+    found = judge.problem.fitted(0, np.array([1, 1]))
+    assert found.value[1] == found.covariance[1, 1] == 0.0
+    assert found.value[0] == judge.problem.fitted(0, np.array([1])).value[0]
+
+
 def hidden(name, rms, seed):
     return simulate(sized(name, rms, PLAN), PLAN, seed, **HIDDEN[name].options)[0]
 
 
-def test_a_cause_has_the_same_name_by_both():
-    data = hidden("cube", 0.5, 3)
-    by_levels, pooled = (trace(data, validate=False, pooled=p).sensors["x_V"] for p in (False, True))
-    assert [e.effect for e in by_levels.effects] == [e.effect for e in pooled.effects] == [HIDDEN["cube"].effect]
-    assert by_levels.verdict == pooled.verdict
-
-
 def test_what_changes_from_one_replication_to_the_next_is_told_by_all_that_is_known_of_it():
     """An alignment that follows temperature, at a fifth of a reading's scatter."""
-    data = hidden("alignment, temperature", 0.2, 4002)
-    by_levels, pooled = (trace(data, validate=False, pooled=p).sensors["x_V"] for p in (False, True))
-    assert not by_levels.effects
-    assert [e.effect for e in pooled.effects] == ["alignment-temperature"]
+    found = trace(hidden("alignment, temperature", 0.2, 4002), validate=False).sensors["x_V"]
+    assert [e.effect for e in found.effects] == ["alignment-temperature"]
+
+
+def test_a_drift_that_replications_agree_about_is_kept():
+    """Of four replications whose offsets drift by half a reading's scatter: its coefficient is not fitted beside
+    offsets of their own.
+    """
+    found = trace(hidden("offset drift", 0.5, 110), validate=False).sensors["x_V"]
+    assert "offset-drift" in {name for e in found.effects for name in (e.effect, *e.aliases)}
+    assert found.after.sigma_E < found.before.sigma_E
+
+
+def test_offsets_that_walk_are_no_drift():
+    """Of six replications, ten times as far as a reading scatters."""
+    drifts = [one for one in CATALOGUE if one.name == "offset-drift"]
+    bench, plan, found = replace(CLEAN, offset_sd=10.0, offset_walk=True), D1(60, 5, 5), 0
+    for seed in range(30):
+        found += any(
+            one.effects for one in trace(simulate(bench, plan, seed)[0], drifts, validate=False).sensors.values()
+        )
+    assert found <= 3
 
 
 def test_nothing_is_named_in_a_run_without_effects():
-    found = trace(simulate(CLEAN, PLAN, 5)[0], validate=False, pooled=True)
+    found = trace(simulate(CLEAN, PLAN, 5)[0], validate=False)
     assert not any(one.effects for one in found.sensors.values())
 
 
 def test_replications_left_out_are_searched_with_what_is_simulated():
-    found = trace(hidden("cube", 1.0, 3), pooled=True).sensors["x_V"]
+    found = trace(hidden("cube", 1.0, 3)).sensors["x_V"]
     assert found.cv_rms_after < 0.9 * found.cv_rms_before

@@ -18,11 +18,9 @@ from rig.fitter.trace.shares import of_rest, shares
 from rig.procedures.attitude.effects import CATALOGUE
 from rig.procedures.attitude.trace import trace
 from rig.procedures.attitude.trace.estimate import estimate
-from rig.procedures.attitude.trace.family import family_of
 from rig.procedures.attitude.trace.judge import AttitudeJudge
 from rig.procedures.attitude.trace.make_problem import make_problem
 from rig.procedures.attitude.trace.run import final_check
-from rig.procedures.attitude.trace.score import score
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.trace import trace_general
 from rig.procedures.general.trace.run import LEVEL
@@ -30,7 +28,6 @@ from rig.procedures.present.words import verdict_of
 from rig.procedures.pressure.trace import trace_whole_plots
 from rig.procedures.tables.table import Table
 
-pytestmark = pytest.mark.usefixtures("few_draws")
 KINDS = ("attitude", "whole plots", "table")
 MODELS = ("full", "II.C", "P")
 FORMULAS = ("load", "load + I(load^2)", "1")
@@ -186,7 +183,7 @@ def test_columns_that_are_combinations_of_others_are_left_out_and_named():
     fitted = estimate(problem, (first, second))
     assert fitted.told_apart == (first,)
     assert np.all(np.isfinite(fitted.gamma))
-    judge = AttitudeJudge(problem, family_of(problem, score(problem, ()), 1))
+    judge = AttitudeJudge(problem)
     name = problem.candidates[second].effect.name
     said = f"{name} was left out: these data cannot distinguish it from effects in the model"
     assert said in [one.sentence for one in final_check(judge, (first, second))[1]]

@@ -14,8 +14,11 @@ from scipy.linalg.lapack import dpstrf
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.noise import BoolArray, Independent
 from rig.fitter.trace.engine.problem import Problem
+from rig.fitter.trace.engine.score import NOTHING_LEFT
 
 Single = NDArray[np.float32]
+LEAST_DF = 0.5
+"""Degrees of freedom from which a part has a mean square of its own."""
 _TINY = np.finfo(float).tiny
 
 
@@ -56,19 +59,8 @@ class Stratum:
         inside = picked < len(self.place)
         return np.where(inside, self.place[np.where(inside, picked, 0)], len(self.own))
 
-    def of(self, these: IntArray, those: IntArray) -> FloatArray:
-        """Products of columns, of one shape or broadcast."""
-        if self.columns is not None:
-            return self._padded[self.at(these), self.at(those)]
-        one, other = (self._padded[self.at(picked)] for picked in (these, those))
-        return np.asarray(np.einsum("...r,...r->...", one, other))
-
-    def dots(self, picked: IntArray) -> FloatArray:
-        """Products of columns with the response."""
-        return np.append(self.response, 0.0)[self.at(picked)]
-
     @cached_property
-    def _padded(self) -> FloatArray:
+    def padded(self) -> FloatArray:
         """(d + 1, ...) products of columns, or their rows, with zeros for all other columns."""
         if self.columns is not None:
             return np.pad(self.columns, (0, 1))
@@ -137,15 +129,20 @@ class InStrata(Problem):
     Attributes:
         strata: products.
         length: (D,) lengths of all columns before the declared ones were taken out, over the rows' errors.
+        part: (L,) number of each stratum's part: strata of one part have one mean square.
+        scatter: (L,) the stratum of the same rows whose errors are scatter alone.
     """
 
     strata: tuple[Stratum, ...] = field(kw_only=True)
     length: FloatArray = field(kw_only=True)
+    part: IntArray = field(kw_only=True)
+    scatter: IntArray = field(kw_only=True)
 
     def under(self, noise: OfStrata, length: FloatArray) -> InStrata:
         """The same under other variances, with what does not depend on them."""
         other = replace(self, noise=noise, length=length)
         vars(other).update(start=self.start, alike=self.alike, blocks=self.blocks, rowed=self.rowed, named=self.named)
+        vars(other).update(scale=self.scale, _alike=self._alike, _responses=self._responses)
         vars(other).update(signs=self.signs, most=self.most, price=self.price, bounded=self.bounded)
         return other
 
@@ -167,12 +164,123 @@ class InStrata(Problem):
 
     def products(self, these: IntArray, those: IntArray, under: IntArray | slice) -> FloatArray:
         """(G, ...) products of columns under some covariances."""
-        each = np.stack([one.of(these, those) for one in self.strata])
-        return np.tensordot(self.weight[under], each, 1)
+        return np.tensordot(self.weight[under], self.each(these, those), 1)
+
+    def each(self, these: IntArray, those: IntArray) -> FloatArray:
+        """(L, ...) products of columns in every stratum, of one shape or broadcast."""
+        depth = max(these.ndim, those.ndim)
+        these, those = (one.reshape((1,) * (depth - one.ndim) + one.shape) for one in (these, those))
+        out = np.empty((len(self.strata), *np.broadcast_shapes(these.shape, those.shape)))
+        for one, full, few, rows in self._alike:
+            at, other = one.at(these), one.at(those)
+            for k in full:
+                padded = self.strata[k].padded
+                some = padded[at, other] if self.strata[k].rows is None else np.sum(padded[at] * padded[other], axis=-1)
+                out[k] = some
+            if few.size:
+                out[few] = rows[:, at] * rows[:, other]
+        return out
 
     def dots(self, picked: IntArray, under: IntArray | slice) -> FloatArray:
         """(G, d) products of columns with the response."""
-        return np.tensordot(self.weight[under], np.stack([one.dots(picked) for one in self.strata]), 1)
+        return np.asarray(self.weight[under] @ self.each_dots(picked))
+
+    def each_dots(self, picked: IntArray) -> FloatArray:
+        """(L, d) the same in every stratum."""
+        out = np.empty((len(self.strata), picked.size))
+        for (one, full, few, _), responses in zip(self._alike, self._responses, strict=True):
+            out[np.concatenate([np.array(full, np.int64), few])] = responses[:, one.at(picked)]
+        return out
+
+    @cached_property
+    def _alike(self) -> tuple[tuple[Stratum, list[int], IntArray, FloatArray], ...]:
+        """Strata that have the same columns: one of them, those of products, those of one row, and these rows."""
+        same = dict[int, list[int]]()
+        for k, one in enumerate(self.strata):
+            same.setdefault(id(one.own), []).append(k)
+        out = []
+        for every in same.values():
+            few = [k for k in every if (rows := self.strata[k].rows) is not None and len(rows) == 1]
+            rows = np.concatenate([self.strata[k].padded.T for k in few]) if few else np.empty((0, 0))
+            out.append((self.strata[every[0]], [k for k in every if k not in few], np.array(few, np.int64), rows))
+        return tuple(out)
+
+    @cached_property
+    def _responses(self) -> tuple[FloatArray, ...]:
+        """Of these (l, d + 1) products with the response, and zeros for all other columns."""
+        every = ([*full, *few.tolist()] for _, full, few, _ in self._alike)
+        return tuple(np.pad(np.stack([self.strata[k].response for k in own]), ((0, 0), (0, 1))) for own in every)
+
+    def rooted(self, picked: IntArray, products: FloatArray) -> FloatArray:
+        """(..., q, q) rows that make columns orthonormal, each beside those before; zero for one that these replace."""
+        return _rooted(products, np.maximum(self.length[picked], _TINY))
+
+    def beside(
+        self, at: int, taken: IntArray, columns: IntArray, blocks: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Products beside some columns, under a covariance.
+
+        Args:
+            at: the covariance.
+            taken: the columns in the model.
+            columns: (..., q) others, in groups.
+            blocks: (..., q, q) products within the groups, if they are known.
+
+        Returns:
+            (..., q, q) products within the groups, and (..., q) with the response.
+        """
+        under = np.array([at])
+        if blocks is None:
+            blocks = self.products(columns[..., :, None], columns[..., None, :], under)[0]
+        dots = self.dots(columns.ravel(), under)[0].reshape(columns.shape)
+        if not taken.size:
+            return blocks, dots
+        root = self.rooted(taken, self.products(taken[:, None], taken, under)[0])
+        across = (root @ self.products(taken[:, None], columns.ravel(), under)[0]).reshape(-1, *columns.shape)
+        along = root @ self.dots(taken, under)[0]
+        left = blocks - np.einsum("p...q,p...r->...qr", across, across)
+        return left, dots - np.einsum("p...q,p->...q", across, along)
+
+    def spread(self, at: int, picked: IntArray) -> FloatArray:
+        """(q, q) inverse of the products of some columns under a covariance; zero for one that those before replace."""
+        root = self.rooted(picked, self.products(picked[:, None], picked, np.array([at]))[0])
+        return np.asarray(root.T @ root)
+
+    def fitted(self, at: int, picked: IntArray) -> Fitted:
+        """Some columns fitted together under a covariance; one that those before it replace has no coefficient.
+
+        Each part of the strata that tells them has its own mean square, so few replications count as few
+        (Satterthwaite, Biometrics Bulletin 2 (1946) 110). A part without an error of its own, and with none seen, is
+        pooled with scatter.
+        """
+        weight, spread = self.weight[at], self.spread(at, picked)
+        each, dots = self.each(picked[:, None], picked), self.each_dots(picked)
+        value = spread @ (weight @ dots)
+        squares = np.array([one.square for one in self.strata])
+        rest = weight * (squares - 2.0 * dots @ value + np.einsum("lij,i,j->l", each, value, value))
+        free = np.array([one.df for one in self.strata]) - weight * np.einsum("lij,ij->l", each, spread)
+        part = self._pooled(weight, rest, free)
+        meat, uncertain = np.zeros_like(spread), np.zeros(len(picked))
+        for each_part in np.unique(part).tolist():
+            mine = part == each_part
+            df, own = float(free[mine].sum()), spread @ np.tensordot(weight[mine], each[mine], 1) @ spread
+            square = max(float(rest[mine].sum()) / df, 0.0) if df > LEAST_DF else 1.0
+            meat += square * own
+            uncertain += (square * np.diag(own)) ** 2 / max(df, LEAST_DF)
+        return Fitted(value, meat, np.diag(meat) ** 2 / np.maximum(uncertain, _TINY))
+
+    def _pooled(self, weight: FloatArray, rest: FloatArray, free: FloatArray) -> IntArray:
+        """(L,) parts with a mean square of their own, by weights, sums of squares and degrees of freedom (L,)."""
+        out = self.part.copy()
+        for one in np.unique(self.part).tolist():
+            mine = self.part == one
+            base = self.part[self.scatter[mine][0]]
+            df, theirs = float(free[mine].sum()), self.part == base
+            plain = bool(np.all(weight[mine] == weight[self.scatter[mine]]))
+            most = float(rest[theirs].sum()) / max(float(free[theirs].sum()), LEAST_DF)
+            if df <= LEAST_DF or (plain and float(rest[mine].sum()) <= most * df):
+                out[mine] = base
+        return out
 
     @cached_property
     def alike(self) -> tuple[tuple[IntArray, IntArray], ...]:
@@ -185,7 +293,13 @@ class InStrata(Problem):
     def blocks(self) -> list[FloatArray]:
         """(L, U, q, q) products within candidates in every stratum, for those of each width."""
         every = [(columns[:, :, None], columns[:, None, :]) for _, columns in self.alike]
-        return [np.stack([one.of(*pair) for one in self.strata]) for pair in every]
+        return [self.each(*pair) for pair in every]
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """(D,) size of each column, by which draws in single precision are divided."""
+        every = np.arange(int(self.start[-1]))
+        return np.asarray(np.sqrt(np.maximum(self.each(every, every).sum(axis=0), _TINY)))
 
     @cached_property
     def rowed(self) -> tuple[tuple[IntArray, list[int], Single], ...]:
@@ -195,7 +309,21 @@ class InStrata(Problem):
             if one.rows is not None:
                 same.setdefault(id(one.own), []).append(k)
         each = [(self.strata[of[0]].own, of, [self.strata[k].root for k in of]) for of in same.values()]
-        return tuple((own, of, np.concatenate(rows).astype(np.float32)) for own, of, rows in each)
+        return tuple((own, of, (np.concatenate(rows) / self.scale[own]).astype(np.float32)) for own, of, rows in each)
+
+
+class Fitted(NamedTuple):
+    """Coefficients.
+
+    Attributes:
+        value: (q,) of each column.
+        covariance: (q, q) of them; zero for a column that others replace.
+        df: (q,) degrees of freedom of their errors.
+    """
+
+    value: FloatArray
+    covariance: FloatArray
+    df: FloatArray
 
 
 class Drawn(NamedTuple):
@@ -203,7 +331,7 @@ class Drawn(NamedTuple):
 
     Attributes:
         normal: (r, m) along its `root`.
-        dots: (d, m) their products with its columns; none where it has few rows.
+        dots: (d, m) their products with its columns over their `scale`; none where it has few rows.
         squares: (m,) their sums of squares, with those of what no column has a part of.
     """
 
@@ -222,16 +350,33 @@ def draw(problem: InStrata, at: int, rng: np.random.Generator, count: int) -> li
         if (rest := one.df - len(root)) > 0.0:
             squares = squares + rng.chisquare(rest, count) * sd**2
         few = one.rows is not None
-        out.append(Drawn(normal, normal[:0] if few else root.T.astype(np.float32) @ normal, squares))
+        dots = normal[:0] if few else (root / problem.scale[one.own]).T.astype(np.float32) @ normal
+        out.append(Drawn(normal, dots, squares))
     return out
 
 
 def summed(problem: InStrata, drawn: Sequence[Drawn], weight: FloatArray) -> Single:
-    """(D, m) products of all columns with drawn errors under the variances of strata (L,)."""
+    """(D, m) products of all columns, over their `scale`, with drawn errors under the variances of strata (L,)."""
     out = np.zeros((int(problem.start[-1]), drawn[0].normal.shape[1]), np.float32)
     for one, errors, part in zip(problem.strata, drawn, weight.tolist(), strict=True):
         if one.rows is None:
             out[one.own] += np.float32(part) * errors.dots
     for own, of, rows in problem.rowed:
         out[own] += rows.T @ np.concatenate([np.float32(weight[k]) * drawn[k].normal for k in of])
+    return out
+
+
+def _rooted(products: FloatArray, length: FloatArray) -> FloatArray:
+    """(..., q, q) rows of Gram and Schmidt from products of columns of some `length` (..., q)."""
+    q, least = products.shape[-1], NOTHING_LEFT**2
+    out = np.zeros_like(products)
+    for k in range(q):
+        row = np.zeros(products.shape[:-1])
+        row[..., k] = 1.0
+        if k:
+            along = np.einsum("...pq,...q->...p", out[..., :k, :], products[..., :, k])
+            row = row - np.einsum("...p,...pq->...q", along, out[..., :k, :])
+        left = np.einsum("...p,...pq,...q->...", row, products, row) if k else products[..., 0, 0]
+        kept = left > least * length[..., k] ** 2
+        out[..., k, :] = row * np.where(kept, 1.0 / np.sqrt(np.where(kept, left, 1.0)), 0.0)[..., None]
     return out

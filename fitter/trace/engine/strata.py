@@ -17,19 +17,21 @@ from numpy.typing import NDArray
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.family import CERTAIN, FEWEST, TableFamily, Tail, evidence
 from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, draw, summed
-from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.judge import Key, TableJudge
 from rig.fitter.trace.engine.likelihood import Likelihoods, ratio
 from rig.fitter.trace.engine.noise import BoolArray
 from rig.fitter.trace.engine.problem import SPARED
 from rig.fitter.trace.engine.rivalry import Rivalry, Trial
-from rig.fitter.trace.engine.score import NOTHING_LEFT, Scores
+from rig.fitter.trace.engine.score import Scores
 from rig.fitter.trace.signs import SURE
 
-WORK = 2e7
+WORK = 1e7
 """Numbers that a simulation works out, at most: columns of all draws, under every covariance near the best."""
 BEHIND = 12.0
 """Difference of twice the log-likelihood behind the best, in all draws, from which a covariance is left out."""
 MOST = 1000
+MOST_NEAR = 48
+"""Covariances that are near the best, at most: those that are so on average."""
 LIKE = 4.0
 """Ratio of a stratum's variances up to which two covariances give scores about the same distribution by chance."""
 LARGE = 50.0
@@ -54,6 +56,7 @@ class StrataJudge(TableJudge):
     problem: InStrata
     simulated: list[tuple[FloatArray, TableFamily]] = field(default_factory=list)
     open: BoolArray = field(default_factory=lambda: np.zeros(0, np.bool_))
+    _known: dict[tuple[int, Key], tuple[Scores, FloatArray]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not len(self.open):
@@ -69,7 +72,7 @@ class StrataJudge(TableJudge):
         if key not in self._besides:
             problem, picked = self.problem, self.problem.picked(key)
             rss = problem.weight @ np.array([one.square for one in problem.strata])
-            root = self.rooted(picked, problem.products(picked[:, None], picked, EVERY))
+            root = problem.rooted(picked, problem.products(picked[:, None], picked, EVERY))
             rss = rss - np.sum(np.matmul(root, problem.dots(picked, EVERY)[:, :, None])[:, :, 0] ** 2, axis=1)
             rank = np.sum(np.diagonal(root, axis1=1, axis2=2) > 0.0, axis=1)
             size = np.where(root > 0.0, root, 1.0)
@@ -79,11 +82,6 @@ class StrataJudge(TableJudge):
             reml, ml = -0.5 * (df * np.log(rss) + log_det + det_x), -0.5 * (problem.n * np.log(rss) + log_det)
             self._besides[key] = Likelihoods(problem.noise, problem.n, reml, ml, rss / df)
         return self._besides[key]
-
-    def rooted(self, picked: IntArray, products: FloatArray) -> FloatArray:
-        """(..., q, q) rows that make columns orthonormal, each beside those before; zero for one that these replace."""
-        length = np.maximum(self.problem.length[picked], _TINY)
-        return _rooted(products, length)
 
     def _trial(self, chosen: tuple[int, ...], j: int) -> Trial:
         key = tuple(sorted(chosen))
@@ -104,12 +102,12 @@ class StrataJudge(TableJudge):
 
     def damped(self, chosen: tuple[int, ...], j: int, factor: FloatArray) -> float:
         """Share of what `j` explains beside those `chosen` that is left with (L,) smaller weights of strata."""
-        weight, order = self.problem.weight[self._trial(chosen, j).beside.best], (*sorted(chosen), j)
-        columns, width = self.problem.picked(order), len(self.problem.picked((j,)))
-        products = np.stack([one.of(columns[:, None], columns) for one in self.problem.strata])
-        dots = np.stack([one.dots(columns) for one in self.problem.strata])
+        problem, order = self.problem, (*sorted(chosen), j)
+        weight, columns = problem.weight[self._trial(chosen, j).beside.best], problem.picked(order)
+        products, dots = problem.each(columns[:, None], columns), problem.each_dots(columns)
+        own = len(columns) - len(problem.picked((j,)))
         gains = [
-            np.sum((self.rooted(columns, np.tensordot(w, products, 1)) @ (w @ dots))[len(columns) - width :] ** 2)
+            np.sum((problem.rooted(columns, np.tensordot(w, products, 1)) @ (w @ dots))[own:] ** 2)
             for w in (weight, weight * factor)
         ]
         return float(min(gains[1] / max(gains[0], _TINY), 1.0))
@@ -139,20 +137,14 @@ class StrataJudge(TableJudge):
             return self._known[at, chosen]
         problem, under, picked = self.problem, np.array([at]), self.problem.picked(chosen)
         count = len(problem.candidates)
-        root = self.rooted(picked, problem.products(picked[:, None], picked, under)[0])
+        root = problem.rooted(picked, problem.products(picked[:, None], picked, under)[0])
         along = root @ problem.dots(picked, under)[0]
         square = float(problem.weight[at] @ np.array([one.square for one in problem.strata]))
         rss, taken = square - float(along @ along), int(np.count_nonzero(np.diag(root)))
         gain, rank, value = np.zeros(count), np.zeros(count, np.int64), np.zeros(count)
         for (of, columns), blocks in zip(problem.alike, problem.blocks, strict=True):
-            left = np.tensordot(problem.weight[at], blocks, 1)
-            dots = problem.dots(columns.ravel(), under)[0].reshape(columns.shape)
-            if picked.size:
-                across = problem.products(picked[:, None], columns.ravel(), under)[0]
-                beside = (root @ across).reshape(-1, *columns.shape)
-                left = left - np.einsum("puq,pur->uqr", beside, beside)
-                dots = dots - np.einsum("puq,p->uq", beside, along)
-            own = self.rooted(columns, left)
+            left, dots = problem.beside(at, picked, columns, np.tensordot(problem.weight[at], blocks, 1))
+            own = problem.rooted(columns, left)
             gain[of] = np.sum(np.matmul(own, dots[:, :, None])[:, :, 0] ** 2, axis=1)
             rank[of] = np.sum(np.diagonal(own, axis1=1, axis2=2) > 0.0, axis=1)
             if columns.shape[1] == 1:
@@ -164,10 +156,6 @@ class StrataJudge(TableJudge):
         ratio = np.where(can, gain / np.maximum(rank, 1) / variance, 0.0)
         self._known[at, chosen] = Scores(ratio, np.ones(count), rank, np.where(can, df, 1)), value
         return self._known[at, chosen]
-
-    @cached_property
-    def _known(self) -> dict[tuple[int, tuple[int, ...]], tuple[Scores, FloatArray]]:
-        return {}
 
     def family(self, at: int, rival: Rivalry = "any") -> TableFamily:
         """See `TableJudge`: one that is simulated for about the same variances, if any is."""
@@ -182,22 +170,6 @@ class StrataJudge(TableJudge):
     @cached_property
     def _least(self) -> float | None:
         return None
-
-
-def _rooted(products: FloatArray, length: FloatArray) -> FloatArray:
-    """(..., q, q) rows of Gram and Schmidt from products of columns of some `length` (..., q)."""
-    q, least = products.shape[-1], NOTHING_LEFT**2
-    out = np.zeros_like(products)
-    for k in range(q):
-        row = np.zeros(products.shape[:-1])
-        row[..., k] = 1.0
-        if k:
-            along = np.einsum("...pq,...q->...p", out[..., :k, :], products[..., :, k])
-            row = row - np.einsum("...p,...pq->...q", along, out[..., :k, :])
-        left = np.einsum("...p,...pq,...q->...", row, products, row) if k else products[..., 0, 0]
-        kept = left > least * length[..., k] ** 2
-        out[..., k, :] = row * np.where(kept, 1.0 / np.sqrt(np.where(kept, left, 1.0)), 0.0)[..., None]
-    return out
 
 
 def _family(judge: StrataJudge, at: int, seed: int) -> TableFamily:
@@ -216,7 +188,8 @@ def _family(judge: StrataJudge, at: int, seed: int) -> TableFamily:
         sums /= np.sqrt(whole).astype(np.float32)
         for (of, columns), blocks in zip(problem.alike, problem.blocks, strict=True):
             products = np.tensordot(problem.weight[g], blocks, 1)
-            along = np.matmul(judge.rooted(columns, products).astype(np.float32), sums[columns])
+            root = problem.rooted(columns, products) * problem.scale[columns][:, None]
+            along = np.matmul(root.astype(np.float32), sums[columns])
             after = np.maximum(1.0 - np.sum(along**2, axis=1), np.float32(1e-6)) * own.astype(np.float32)
             joined[of] = np.minimum(joined[of], after)
     rank = judge.everything(at, ())[0].rank
@@ -237,6 +210,7 @@ def _near(problem: InStrata, squares: FloatArray, at: int) -> IntArray:
     """Covariances that are near the best in any of some draws, that of the draws first."""
     total = problem.weight @ squares
     deviance = problem.n * np.log(np.maximum(total, _TINY)) + problem.noise.log_det[:, None]
-    behind = np.min(deviance - deviance.min(axis=0), axis=1)
-    kept = np.flatnonzero(behind < BEHIND)
+    behind = deviance - deviance.min(axis=0)
+    kept = np.flatnonzero(np.min(behind, axis=1) < BEHIND)
+    kept = kept[np.argsort(np.mean(behind[kept], axis=1), kind="stable")[:MOST_NEAR]]
     return np.concatenate([[at], kept[kept != at]])

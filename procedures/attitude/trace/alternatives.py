@@ -10,9 +10,8 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.aliases import Rival
 from rig.procedures.attitude.data import AttitudeData
-from rig.procedures.attitude.trace.estimate import Estimate
+from rig.procedures.attitude.trace.estimate import Estimate, coefficients
 from rig.procedures.attitude.trace.problem import Problem, raw_columns
-from rig.procedures.attitude.trace.score import errors
 
 Volts = Mapping[str, Mapping[str, FloatArray]]
 """(n, q) contribution of the terms of effects to the observations, V, by effect and sensor."""
@@ -50,21 +49,9 @@ def alternatives(
         for rival in explanations:
             if rival.alias and rival.effect != name:
                 chosen = (*rest, *rival.terms)
-                gamma = _coefficients(problem, chosen, after)
+                gamma = coefficients(problem, chosen).value
                 out.append(Alternative(name, rival.effect, volts(problem, chosen, gamma, data)))
     return tuple(out)
-
-
-def _coefficients(problem: Problem, chosen: tuple[int, ...], after: Estimate) -> FloatArray:
-    """(q,) coefficients of candidates fitted together; the shortest solution if some are dependent, which does not
-    change any sum.
-    """
-    sigma = errors(problem, after.chosen)[:, None]
-    columns = (problem.columns_at(after.level, chosen) / sigma[:, :, None]).reshape(-1, len(chosen))
-    length = np.linalg.norm(columns, axis=0)
-    length = np.where(length > 0, length, 1.0)
-    outputs = (problem.outputs_at(after.level) / sigma).reshape(-1)
-    return np.asarray(np.linalg.lstsq(columns / length, outputs, rcond=1e-8)[0] / length)
 
 
 def volts(problem: Problem, chosen: tuple[int, ...], gamma: FloatArray, data: AttitudeData) -> Volts:

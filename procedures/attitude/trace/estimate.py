@@ -8,22 +8,17 @@ from functools import cached_property
 
 import numpy as np
 
-from rig.fitter import LinearFit, RankError, least_squares
+from rig.fitter import LinearFit
 from rig.fitter.arrays import FloatArray
-from rig.fitter.replication import Replication, Rows, analyse, drift_of, sigma_E
-from rig.fitter.trace.aliases import NOTHING_LEFT
+from rig.fitter.replication import Replication, Rows, analyse, sigma_E
+from rig.fitter.trace.engine.in_strata import Fitted
 from rig.fitter.trace.keep import LeftIn, taken_out
-from rig.fitter.trace.not_kept import independent
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.temperature import Temperature
-from rig.procedures.attitude.trace.differing import as_replications_differ
-from rig.procedures.attitude.trace.levels import Level
+from rig.procedures.attitude.trace.posed import engine_of, posed, units_of
 from rig.procedures.attitude.trace.problem import Problem, raw_columns
 from rig.procedures.attitude.trace.robust import walked
 from rig.procedures.attitude.trace.score import errors
-
-DRIFTS = 0.01
-"""Limit of the joint drift test's p below which replications get their own parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +28,9 @@ class Estimate:
     Attributes:
         chosen: indices of the candidates in the model.
         told_apart: those of them that are not combinations of earlier ones; the others have zero coefficients.
-        level: "declared" if all observations were fitted as one, "replications" if each replication has its own
-            parameters because of drift that the effects do not explain.
         gamma: (q,) their coefficients.
         covariance: (q, q) of them, conditional on the selection.
-        dfs: (q,) degrees of freedom of their errors; infinite where only scatter of readings counts.
+        dfs: (q,) degrees of freedom of their errors.
         corrected: (S, n) outputs minus the effects, and minus the temperature terms of the declared model, V.
         fits: of the declared model to the corrected outputs.
         temperatures: temperature terms of the declared model of each sensor; None without.
@@ -49,7 +42,6 @@ class Estimate:
 
     chosen: tuple[int, ...]
     told_apart: tuple[int, ...]
-    level: Level
     gamma: FloatArray
     covariance: FloatArray
     dfs: FloatArray
@@ -72,13 +64,6 @@ class Estimate:
         every, rows = zip(self.plain, self.beside, self.corrected, strict=True), self.observations
         return tuple(analyse(fit, rows.beside(extra), output, extra.shape[1]) for fit, extra, output in every)
 
-    @property
-    def drifts(self) -> bool:
-        """Whether replications differ although the effects are removed."""
-        every, rows = zip(self.beside, self.corrected, strict=True), self.observations
-        p = [drift_of(rows.beside(extra), output).p for extra, output in every]
-        return not all(value * len(p) >= DRIFTS for value in p)  # NaN: no point is visited twice, nothing denies it
-
 
 def stated(fitted: Estimate) -> FloatArray:
     """(S,) standard error of an observation of each sensor, V: `sigma_E` of its table."""
@@ -89,19 +74,12 @@ def stated(fitted: Estimate) -> FloatArray:
 def estimate(problem: Problem, chosen: tuple[int, ...], left_in: Sequence[LeftIn] = ()) -> Estimate:
     """Fit the `chosen` candidates, some of which may be `left_in` a sensor's outputs; known fits are used again."""
     if any(left_in):
-        return _estimate_at(problem, chosen, estimate(problem, chosen).level, left_in)
+        return _estimate(problem, chosen, left_in)
     known = problem.estimates
     if chosen not in known:
         known[chosen] = _estimate(problem, chosen)
     found: Estimate = known[chosen]
     return found
-
-
-def _estimate(problem: Problem, chosen: tuple[int, ...]) -> Estimate:
-    together = _estimate_at(problem, chosen, "declared")
-    if not chosen or not together.drifts or not _left(problem, chosen):
-        return together
-    return _estimate_at(problem, chosen, "replications")
 
 
 def _joint(fit: LinearFit, h: FloatArray, effects: FloatArray, covariance: FloatArray) -> LinearFit:
@@ -119,30 +97,20 @@ def _joint(fit: LinearFit, h: FloatArray, effects: FloatArray, covariance: Float
     return replace(fit, root=np.asarray(root), beside=fit.beside + effects.shape[1])
 
 
-def coefficients(problem: Problem, chosen: tuple[int, ...], level: Level) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(q,) coefficients of the `chosen` candidates, fitted at one level, their (q, q) covariance, and (q,) degrees of
-    freedom.
+def coefficients(problem: Problem, chosen: tuple[int, ...]) -> Fitted:
+    """Coefficients of the `chosen` candidates beside the likeliest errors.
 
-    A candidate whose column is a combination of earlier ones has a zero coefficient.
+    A candidate whose column is a combination of earlier ones has a zero coefficient. To their errors a walk of the
+    offset within replications is added, if there is one.
     """
-    if not chosen:
-        return np.zeros(0), np.zeros((0, 0)), np.zeros(0)
-    picked, sigma = list(chosen), errors(problem, chosen)[:, None]
-    white = problem.columns_at(level, picked) / sigma[:, :, None]
-    columns = white.reshape(white.shape[0] * white.shape[1], len(picked))
-    names = [f"{problem.candidates[j].effect.name} {problem.candidates[j].term.name}" for j in picked]
-    y, kept = (problem.outputs_at(level) / sigma).reshape(-1), list(range(len(picked)))
-    try:
-        solved = least_squares(columns, y, names)
-    except RankError:
-        kept = independent(columns)
-        solved = least_squares(columns[:, kept], y, [names[k] for k in kept])
-    spread, gamma = np.zeros((len(picked), len(picked))), np.zeros(len(picked))
-    spread[np.ix_(kept, kept)], gamma[kept] = solved.root @ solved.root.T, solved.coefficients
-    differ, dfs = np.zeros_like(spread), np.full(len(picked), np.inf)
-    if level == "declared":
-        differ, dfs = as_replications_differ(problem, picked, gamma, spread, sigma[:, 0])
-    return gamma, spread + differ + spread @ walked(problem, white) @ spread, dfs
+    engine = engine_of(problem, chosen)
+    at = engine.beside(units_of(problem, chosen)).best
+    found = engine.problem.fitted(at, posed(problem).column[list(chosen)])
+    if not chosen or not np.any(problem.wander):
+        return found
+    white = problem.columns_at("replications", chosen) / errors(problem, chosen)[:, None, None]
+    spread = engine.problem.spread(at, posed(problem).column[list(chosen)])
+    return found._replace(covariance=found.covariance + spread @ walked(problem, white) @ spread)
 
 
 def concerns(problem: Problem, j: int) -> FloatArray:
@@ -158,14 +126,9 @@ def predict(h: FloatArray, data: AttitudeData, fit: LinearFit, temperature: Temp
     return volts if temperature is None else volts + temperature.volts(h, data)
 
 
-def _left(problem: Problem, chosen: tuple[int, ...]) -> bool:
-    left2 = problem.products["replications"].of(chosen, chosen).sum(axis=0)
-    return bool(np.all(left2 > NOTHING_LEFT**2 * np.sum(problem.length[:, list(chosen)] ** 2, axis=0)))
-
-
-def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level, left_in: Sequence[LeftIn] = ()) -> Estimate:
+def _estimate(problem: Problem, chosen: tuple[int, ...], left_in: Sequence[LeftIn] = ()) -> Estimate:
     picked = list(chosen)
-    gamma, covariance, dfs = coefficients(problem, chosen, level)
+    gamma, covariance, dfs = coefficients(problem, chosen)
     data = problem.scene.data
     effects = raw_columns(problem.scene, [problem.candidates[j] for j in picked])
     corrected = np.stack([data.outputs[s] for s in problem.sensors])
@@ -188,7 +151,6 @@ def _estimate_at(problem: Problem, chosen: tuple[int, ...], level: Level, left_i
     return Estimate(
         chosen,
         apart,
-        level,
         gamma,
         covariance,
         dfs,

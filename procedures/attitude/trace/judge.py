@@ -1,4 +1,6 @@
-"""Significance of candidates in an attitude run, by both tests: of single observations, and between replications."""
+"""Significance of candidates in an attitude run: every unit beside the errors estimated with it, within and between
+replications at once.
+"""
 
 from __future__ import annotations
 
@@ -9,27 +11,21 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Stratum
 from rig.fitter.trace.aliases import DELTA, Paths, Products, Rival, rivals
-from rig.fitter.trace.chance import ALPHA, Family
+from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.engine.family import evidence
+from rig.fitter.trace.engine.strata import StrataJudge
 from rig.fitter.trace.signs import SURE, Impossible, Refused
 from rig.procedures.attitude.effects.unnamed import NAMELESS
-from rig.procedures.attitude.trace.estimate import coefficients, concerns, estimate
-from rig.procedures.attitude.trace.levels import Level
+from rig.procedures.attitude.trace.estimate import concerns
 from rig.procedures.attitude.trace.limits import limits
+from rig.procedures.attitude.trace.posed import engine_of, posed, units_of
 from rig.procedures.attitude.trace.problem import Candidate, Problem
 from rig.procedures.attitude.trace.refine import refined
-from rig.procedures.attitude.trace.replications import Between, Slow, between_replications, slow_of
-from rig.procedures.attitude.trace.robust import second_thoughts
-from rig.procedures.attitude.trace.score import Scores, beside, errors, score
-
-BETWEEN = 5 / 7, 1 / 7
-"""Shares of ALPHA for tests between replications without and with a searched constant: 2.5 % and 0.5 % of runs, in
-addition to the 3 % of all others. Later tests remove more than half of each.
-"""
+from rig.procedures.attitude.trace.robust import in_part
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +34,11 @@ class AttitudeJudge:
 
     Attributes:
         problem: the run.
-        family: distribution by chance.
         shut: effects that may not be added, initially terms without a cause. These never replace a cause.
         oversized: effects refused for an impossible size.
     """
 
     problem: Problem
-    family: Family
     shut: frozenset[str] = NAMELESS
     oversized: tuple[Refused, ...] = ()
 
@@ -77,41 +71,46 @@ class AttitudeJudge:
         """(J,) physical sign of each candidate's coefficient; 0 if both are possible."""
         return np.array([c.effect.sign(c.term.name) for c in self.candidates], np.float64)
 
-    @cached_property
-    def _unit_signs(self) -> FloatArray:
-        """(U,) the same for units of one column; units of several have none."""
-        return np.array([self.signs[unit[0]] if len(unit) == 1 else 0.0 for unit in self.problem.units])
-
-    def possible(self, scores: Scores) -> NDArray[np.bool_]:
-        """(U,) units whose coefficient has no physically impossible sign."""
-        return np.asarray(scores.sign * self._unit_signs >= 0)
-
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
-        """The unit that reduces the residual most beside those `chosen`, among the significant ones."""
+        """The most evident unit beside those `chosen`, among the significant ones."""
         if not self.candidates:
             return ()
-        scores = score(self.problem, chosen)
-        able = self._open & self.possible(scores)
-        found = np.flatnonzero((scores.p <= self.family.critical) & able)
-        for u in found[np.argsort(-scores.gain[found])].tolist():
-            if self._again(chosen, u, scores) <= ALPHA:
-                return self.problem.units[u]
-        between = np.where(self._open, self._between(chosen), 1.0)
-        best = int(np.argmin(between))
-        return self.problem.units[best] if between[best] <= ALPHA else ()
+        promising = self._engine(chosen).promising(units_of(self.problem, chosen))
+        return next((self.problem.units[u] for u in promising if self._p(chosen, u) <= ALPHA), ())
+
+    def starts(self) -> list[tuple[int, ...]]:
+        """For each effect significant by itself, the best unit in every such sensor; the most evident first."""
+        engine, found = self._engine(()), dict[str, dict[str | None, tuple[int, float]]]()
+        at = engine.beside(()).best
+        scores, family = engine.everything(at, ())[0], engine.family(at)
+        for u in np.argsort(-scores.evidence, kind="stable").tolist():
+            name, sensor = self.problem.causes[u]
+            if self._open[u] and scores.rank[u] and sensor not in found.get(name, {}) and not engine.refused((), u):
+                own = float(evidence(scores.ratio[[u]], int(scores.rank[u]), int(scores.df[u]))[0])
+                if family.adjust(name, own, ALPHA) <= ALPHA:
+                    found.setdefault(name, {})[sensor] = u, float(scores.evidence[u])
+        strongest = sorted(found.values(), key=lambda of: -sum(gained for _, gained in of.values()))
+        return [tuple(j for u, _ in of.values() for j in self.problem.units[u]) for of in strongest]
+
+    def price(self, chosen: tuple[int, ...]) -> float:
+        """Twice what is missing in the log-likelihood of a model, but for a constant."""
+        return -2.0 * float(self._engine(chosen).beside(units_of(self.problem, chosen)).ml.max())
 
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j`'s unit beside the other `chosen` by chance."""
-        p = self._p_here(chosen, j)
-        return p if p <= ALPHA else min(p, float(self._between(self._others(chosen, j))[self.problem.unit_of[j]]))
+        return self._p(self._others(chosen, j), self.problem.unit_of[j])
 
     def is_bound(self, p: float) -> bool:
         """Whether no simulated run had such a score."""
-        return p == self.family.least
+        return any(p == family.least for _, family in self.problem.simulated)
 
     def stratum_of(self, chosen: tuple[int, ...], j: int) -> Stratum:
         """The stratum in which `j` is significant beside the other `chosen`."""
-        if self._p_here(chosen, j) > ALPHA:
+        others, u = self._others(chosen, j), self.problem.unit_of[j]
+        engine, units = self._engine(others), units_of(self.problem, others)
+        _, rank, df = engine.scored(units, u)
+        within = in_part(self.problem, others, u)[0] / max(rank, 1)
+        if engine.judge(units, u, within, rank, df) > ALPHA:
             return "replication"
         return "point-by-replication" if self.problem.judged_at[j] == "points" else "between-point"
 
@@ -134,9 +133,7 @@ class AttitudeJudge:
             within: see `rig.fitter.trace.aliases.rivals`.
 
         """
-        problem, chosen = self.problem, tuple(sorted((*group, *rest)))
-        effect = self.candidates[group[0]].effect.name
-        sigma = errors(problem, chosen)
+        problem, effect = self.problem, self.candidates[group[0]].effect.name
         sensors = {problem.sensors[i] for j in group for i in np.flatnonzero(concerns(problem, j) > 0.01)}
         barred = frozenset((self.shut | NAMELESS) - {effect})
         where = {None, *sensors}
@@ -145,7 +142,7 @@ class AttitudeJudge:
             for unit, (name, sensor) in zip(problem.units, problem.causes, strict=True)
             if sensor in where and name not in barred and (name, sensor) not in self.closed
         ]
-        products, paths = self._products(estimate(problem, chosen).level, group, rest, named, sigma)
+        products, paths = self._products(group, rest, named)
         found = rivals(problem.candidates, products, group, rest, sensors, named, self.searched, paths, within)
         reachable = self._reachable(products, found)
         able = [r for r, can in zip(found, reachable, strict=True) if r.effect == effect or can]
@@ -153,12 +150,7 @@ class AttitudeJudge:
         return tuple(replace(r, sigmas=float(np.sqrt(max(r.sigmas**2 - best**2, 0.0)))) for r in able)
 
     def _products(
-        self,
-        level: Level,
-        group: tuple[int, ...],
-        rest: tuple[int, ...],
-        named: Sequence[tuple[int, ...]],
-        sigma: FloatArray,
+        self, group: tuple[int, ...], rest: tuple[int, ...], named: Sequence[tuple[int, ...]]
     ) -> tuple[Products, Paths]:
         """Products among the terms of each effect beside the `rest`: nobody asks for the others, which are most.
 
@@ -175,13 +167,14 @@ class AttitudeJudge:
         for block in blocks.values():
             of.setdefault(len(block), []).append(sorted(block))
         self._known_products.clear()
-        count = len(self.candidates)
+        count, chosen = len(self.candidates), (*group, *rest)
+        engine, column = self._engine(chosen), posed(self.problem).column
+        at = engine.beside(units_of(self.problem, chosen)).best
         out = Products(np.zeros((count, count)), np.zeros(count), self.signs)
         for same in of.values():
             here = np.array(same, np.int64)
-            left = beside(self.problem, level, rest, here, sigma)
-            length2 = np.sum((self.problem.length[:, here] / sigma[:, None, None]) ** 2, axis=0)
-            some = Products(left.columns.sum(axis=0), left.outputs.sum(axis=0)).without(length2)
+            left = engine.problem.beside(at, column[list(rest)], column[here])
+            some = Products(*left).without(engine.problem.length[column[here]] ** 2)
             out.columns[here[:, :, None], here[:, None, :]], out.outputs[here] = some.columns, some.outputs
         self._known_products[key] = out, {}
         return self._known_products[key]
@@ -255,92 +248,51 @@ class AttitudeJudge:
     def _others(self, chosen: tuple[int, ...], j: int) -> tuple[int, ...]:
         return tuple(k for k in chosen if k not in self.unit(j))
 
-    def _p_here(self, chosen: tuple[int, ...], j: int) -> float:
-        others, u = self._others(chosen, j), self.problem.unit_of[j]
-        if (frozenset(others), u) in self._known:
-            return self._known[frozenset(others), u]
-        scores = score(self.problem, others, (u,))
-        if scores.sign[u] * self._unit_signs[u] < 0:
-            return 1.0
-        if scores.p[u] > self.family.critical:
-            return float(self.family.adjust(scores.p[u]))
-        return self._again(others, u, scores)
+    def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
+        """Candidates that are significant beside those `chosen`, except for their required sign: the clearest of each
+        effect and sensor.
+        """
+        engine, units = self._engine(chosen), units_of(self.problem, chosen)
+        if not np.any(engine.problem.signs):
+            return ()
+        scores, value = engine.everything(engine.beside(units).best, tuple(sorted(units)))
+        t = np.sqrt(np.maximum(scores.ratio, 0.0))
+        clearest: dict[tuple[str, str | None], int] = {}
+        for u in np.flatnonzero((engine.problem.signs * value < 0.0) & (t > SURE) & self._open).tolist():
+            cause = self.problem.causes[u]
+            if cause not in clearest or t[u] > t[clearest[cause]]:
+                clearest[cause] = u
+        wrong = (u for u in clearest.values() if self._unsigned(chosen, u) <= ALPHA)
+        return tuple(Impossible(self.problem.units[u][0], float(value[u]), float(abs(value[u]) / t[u])) for u in wrong)
 
-    def _again(self, chosen: tuple[int, ...], u: int, scores: Scores) -> float:
+    def _p(self, chosen: tuple[int, ...], u: int) -> float:
+        """P of a unit beside the `chosen` candidates."""
         key = frozenset(chosen), u
         if key not in self._known:
-            p = second_thoughts(self.problem, chosen, u, scores, self.family.critical)
-            self._known[key] = float(self.family.adjust(p))
+            refused = self._engine(chosen).refused(units_of(self.problem, chosen), u)
+            self._known[key] = 1.0 if refused else self._unsigned(chosen, u)
         return self._known[key]
+
+    def _unsigned(self, chosen: tuple[int, ...], u: int) -> float:
+        """The same, whatever the sign of its coefficient."""
+        engine, units = self._engine(chosen), units_of(self.problem, chosen)
+        p = engine.adjusted(units, u)
+        if p > ALPHA:
+            return p
+        f, rank, df = engine.scored(units, u)
+        return max(p, engine.judge(units, u, f * self._robust(chosen, u), rank, df))
+
+    def _robust(self, chosen: tuple[int, ...], u: int) -> float:
+        """Share of the evidence for a unit that unequal, shared or slow errors within replications leave."""
+        plain, share, against_walks = in_part(self.problem, chosen, u)
+        left = min(share, against_walks / plain) if plain > 0.0 else 1.0
+        between = posed(self.problem).between
+        return self._engine(chosen).damped(units_of(self.problem, chosen), u, np.where(between, 1.0, left))
+
+    def _engine(self, chosen: tuple[int, ...]) -> StrataJudge:
+        """The engine's judge, which adds open units only."""
+        return replace(engine_of(self.problem, chosen), open=self._open)
 
     @cached_property
     def _known(self) -> dict[tuple[frozenset[int], int], float]:
         return {}
-
-    @cached_property
-    def _slow(self) -> Slow:
-        return slow_of(self.problem)
-
-    def _between(self, chosen: tuple[int, ...]) -> FloatArray:
-        """(U,) p between replications, multiplied by the number of tests over their share of the family.
-
-        A unit that also varies within replications has independent information there: both are combined, weighted by
-        their information about the coefficient.
-        """
-        gamma = coefficients(self.problem, chosen, "declared")[0]
-        between = between_replications(self.problem, self._slow, chosen, gamma)
-        tested = np.flatnonzero(between.p < 1.0).tolist()
-        both = [u for u in tested if self.problem.judged_at[self.problem.units[u][0]] == "points"]
-        scores, price = score(self.problem, chosen, both), self._price
-        p, sign = between.p.copy(), between.sign.copy()
-        p[both], sign[both] = _together(between, both, scores.p[both], scores.sign[both])
-        near = tuple(np.flatnonzero(p * price <= ALPHA).tolist())
-        again = between_replications(self.problem, self._slow, chosen, gamma, near) if near else between
-        for u in near:
-            p[u] = again.p[u]
-            if self.problem.judged_at[self.problem.units[u][0]] == "points":
-                within = second_thoughts(self.problem, chosen, u, scores, 1.0)
-                p[[u]], sign[[u]] = _together(again, [u], np.array([within]), scores.sign[[u]])
-        p = np.where(sign * self._unit_signs < 0, 1.0, p)
-        return np.asarray(np.minimum(p * price, 1.0))
-
-    def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
-        """Candidates that are significant beside those `chosen`, except for their required sign."""
-        if not np.any(self._unit_signs):
-            return ()
-        problem, scores = self.problem, score(self.problem, chosen)
-        wrong = np.flatnonzero((scores.p <= self.family.critical) & ~self.possible(scores) & self._open)
-        out = []
-        for u in wrong.tolist():
-            if self._again(chosen, u, scores) <= ALPHA:
-                (j,) = problem.units[u]
-                left = beside(problem, problem.judged_at[j], chosen, np.array([j]), errors(problem, chosen))
-                value = float(left.outputs.sum() / left.columns.sum())
-                out.append(Impossible(j, value, abs(value) / float(np.sqrt(scores.f[u]))))
-        return tuple(out)
-
-    @cached_property
-    def _price(self) -> FloatArray:
-        """(U,) number of tests of a unit's kind over their share of the family."""
-        given, sought = (count / share for count, share in zip(self.family.between, BETWEEN, strict=True))
-        first = [self.candidates[unit[0]] for unit in self.problem.units]
-        any_value = [c.effect.name in self.problem.any_value and c.effect.stratum != "replication" for c in first]
-        return np.where(any_value, sought, given)
-
-
-def _together(
-    between: Between, units: list[int], within: FloatArray, sign: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """(Q,) p and signs of units between and within replications combined: by weight and sign; for several columns by
-    Fisher's method.
-
-    Several columns have no sign: 0.
-    """
-    p = np.clip(np.stack([between.p[units], within]), np.finfo(float).tiny, 1.0)
-    log_product = np.sum(np.log(p), axis=0)  # the product may be too small for a double
-    alone = between.sign[units] != 0.0
-    share = np.where(alone, between.share[units], 0.5)
-    z = -special.ndtri(0.5 * p) * np.sqrt(np.stack([share, 1.0 - share]))
-    signed = z[0] * between.sign[units] + z[1] * sign
-    both = np.minimum(2.0 * special.ndtr(-signed * between.sign[units]), 1.0)
-    return np.where(alone, both, np.exp(log_product) * (1.0 - log_product)), np.where(alone, np.sign(signed), 0.0)

@@ -1,103 +1,255 @@
-"""Significance of candidates in an attitude run by the engine of all kinds: every unit beside the errors estimated
-with it, within and between replications at once.
+"""An attitude run posed for the engine: the strata of its errors, and every unit of candidates by its products in them.
+
+Strata of each sensor are readings within points, means of points, and changes of replications' own parameters of the
+declared model.
+
+Scatter of readings gives all of them one variance. Means of points may have more of it, lack of fit; offsets and
+sensitivities of replications too, if they differ by chance or walk from one replication to the next.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rig.fitter.arrays import FloatArray
-from rig.fitter.effects.entry import Stratum as Named
-from rig.fitter.trace.chance import ALPHA
-from rig.fitter.trace.engine.family import TableFamily
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, Stratum
+from rig.fitter.trace.engine.noise import BoolArray
+from rig.fitter.trace.engine.problem import Candidate
 from rig.fitter.trace.engine.strata import StrataJudge
-from rig.procedures.attitude.trace.judge import AttitudeJudge
-from rig.procedures.attitude.trace.robust import in_part
+from rig.fitter.trace.engine.term import Profile, TableTerm
+from rig.procedures.attitude.trace.levels import Level
+from rig.procedures.attitude.trace.limits import limits
+from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.score import errors
-from rig.procedures.attitude.trace.strata_of_run import InRun, around, in_run
 
+LACK_OF_FIT = tuple(np.geomspace(0.3, 1e4, 19).tolist())
+"""Variance of the mean of a point beyond that by scatter, over that by scatter."""
+APART = tuple(np.geomspace(0.3, 1e4, 19).tolist())
+"""The same of replications' own parameters that differ by chance."""
+WALKS = tuple(np.geomspace(0.1, 2e3, 18).tolist())
+"""The same of the steps, if they walk from one replication to the next."""
+NEAR, COARSE = 2, 3
+"""Options next to that of the middle that are tried, and of all others one in so many."""
+ALONE = 6.0
+"""Price, in the logarithm of the likelihood, of one sensor's parameters that differ between replications otherwise than
+those of the others.
+"""
 ROUNDS = 6
 """Maximum number of moves of the middle of the covariances."""
+PARAMETER = "parameter"
+"""Components of replications' own parameters: sensors have them alike, but for that price."""
+
+Middle = tuple[int, ...]
+"""For each component, which of its options; the first is none."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """A possible variance beyond scatter.
+
+    Attributes:
+        kind: which others are alike in other sensors.
+        strata: (l,) that it is in.
+        options: (o, l) factors of their weights; the first ones are one.
+    """
+
+    kind: str
+    strata: IntArray
+    options: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
-class PosedJudge(AttitudeJudge):
-    """The same judge with the search of the engine.
+class InRun:
+    """A run for the engine.
 
     Attributes:
-        simulated: families of the engine, also for parts of the run.
+        problem: the units, whose strata have no weights yet.
+        of: (L,) sensor of each stratum.
+        between: (L,) whether it is between replications.
+        components: of the variance.
+        length: (S, D) lengths of the columns.
+        column: (J,) of each candidate among the units' columns.
     """
 
-    simulated: list[tuple[FloatArray, TableFamily]] = field(default_factory=list)
+    problem: InStrata
+    of: IntArray
+    between: BoolArray
+    components: tuple[Component, ...]
+    length: FloatArray
+    column: IntArray
 
-    def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
-        """The most evident unit beside those `chosen`, among the significant ones."""
-        if not self.candidates:
-            return ()
-        promising = self._engine(chosen).promising(self._units_of(chosen))
-        return next((self.problem.units[u] for u in promising if self._p(chosen, u) <= ALPHA), ())
+    @property
+    def none(self) -> Middle:
+        """No component."""
+        return (0,) * len(self.components)
 
-    def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
-        """Probability that the best of the family looks as good as `j`'s unit beside the other `chosen` by chance."""
-        return self._p(self._others(chosen, j), self.problem.unit_of[j])
 
-    def is_bound(self, p: float) -> bool:
-        """Whether no simulated run had such a score."""
-        return any(p == family.least for _, family in self.simulated)
+def posed(problem: Problem) -> InRun:
+    """The run for the engine, a candidate of which is a unit; it is posed once."""
+    if None not in problem.engines:
+        problem.engines[None] = _posed(problem)
+    found: InRun = problem.engines[None]
+    return found
 
-    def stratum_of(self, chosen: tuple[int, ...], j: int) -> Named:
-        """The stratum that tells most about `j` beside the other `chosen`."""
-        others, u = self._others(chosen, j), self.problem.unit_of[j]
-        engine = self._engine(others)
-        weight = engine.problem.weight[engine.beside((*self._units_of(others), u)).best]
-        columns = engine.problem.picked((u,))
-        told = weight * np.array([float(np.sum(one.of(columns, columns))) for one in engine.problem.strata])
-        if told[self._run.between].sum() > 0.5 * told.sum():
-            return "replication"
-        return "point-by-replication" if self.problem.judged_at[j] == "points" else "between-point"
 
-    def _p(self, chosen: tuple[int, ...], u: int) -> float:
-        """P of a unit beside the `chosen` candidates."""
-        key = frozenset(chosen), u
-        if key not in self._known:
-            engine, units = self._engine(chosen), self._units_of(chosen)
-            p = 1.0 if engine.refused(units, u) else engine.adjusted(units, u)
-            if p <= ALPHA:
-                f, rank, df = engine.scored(units, u)
-                p = max(p, engine.judge(units, u, f * self._robust(chosen, u), rank, df))
-            self._known[key] = p
-        return self._known[key]
+def engine_of(problem: Problem, chosen: Sequence[int]) -> StrataJudge:
+    """The engine's judge of a run, with covariances about the likeliest beside the `chosen` candidates."""
+    key = frozenset(chosen)
+    if key not in problem.engines:
+        run, sigma, units = posed(problem), errors(problem, chosen), units_of(problem, chosen)
+        middle = run.none
+        for _ in range(ROUNDS):
+            strata, grid = around(run, sigma, middle)
+            problem.engines[key] = engine = StrataJudge(strata, simulated=problem.simulated)
+            best = grid[engine.beside(units).best]
+            if best == middle:
+                break
+            middle = best
+    found: StrataJudge = problem.engines[key]
+    return found
 
-    def _robust(self, chosen: tuple[int, ...], u: int) -> float:
-        """Share of the evidence for a unit that unequal, shared or slow errors within replications leave."""
-        plain, share, against_walks = in_part(self.problem, chosen, u)
-        left = min(share, against_walks / plain) if plain > 0.0 else 1.0
-        return self._engine(chosen).damped(self._units_of(chosen), u, np.where(self._run.between, 1.0, left))
 
-    def _units_of(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
-        return tuple(dict.fromkeys(self.problem.unit_of[j] for j in chosen))
+def units_of(problem: Problem, chosen: Sequence[int]) -> tuple[int, ...]:
+    """Units of some candidates, each once."""
+    return tuple(dict.fromkeys(problem.unit_of[j] for j in chosen))
 
-    def _engine(self, chosen: tuple[int, ...]) -> StrataJudge:
-        """The engine's judge, with covariances about the likeliest beside those `chosen`."""
-        key = frozenset(chosen)
-        if key not in self._engines:
-            sigma, units, middle = errors(self.problem, chosen), self._units_of(chosen), self._run.none
-            for _ in range(ROUNDS):
-                problem, grid = around(self._run, sigma, middle)
-                self._engines[key] = StrataJudge(problem, simulated=self.simulated, open=self._open)
-                best = grid[self._engines[key].beside(units).best]
-                if best == middle:
-                    break
-                middle = best
-        return self._engines[key]
 
-    @cached_property
-    def _engines(self) -> dict[frozenset[int], StrataJudge]:
-        return {}
+def _posed(problem: Problem) -> InRun:
+    columns = np.array([j for unit in problem.units for j in unit], np.int64)
+    strata, of, between, components = list[Stratum](), list[int](), list[bool](), list[Component]()
+    alike, scatter = list[int](), list[int]()
+    for i in range(len(problem.sensors)):
+        first = len(strata)
+        own = np.flatnonzero(np.isin(columns, problem.concerned[i]))
+        for apart, same in (
+            (False, _between_points(problem, i, columns, own)),
+            (True, _between_replications(problem, i, columns, own)),
+        ):
+            for kind, options, some in same:
+                if len(options) > 1:
+                    components.append(Component(kind, len(strata) + np.arange(len(some)), options))
+                strata += some
+                alike += [1 + max(alike, default=-1)] * len(some)
+                of += [i] * len(some)
+                scatter += [first] * len(some)
+                between += [apart] * len(some)
+    none = np.empty(0)
+    found = InStrata(
+        y=none,
+        declared=np.empty((0, 0)),
+        candidates=_candidates(problem),
+        noise=OfStrata(0, weight=np.ones((1, len(strata))), df=np.array([one.df for one in strata])),
+        sd=none,
+        ordered=False,
+        strata=tuple(strata),
+        part=np.array(alike, np.int64),
+        scatter=np.array(scatter, np.int64),
+        length=np.empty(len(columns)),
+    )
+    length, column = problem.length[:, columns], np.argsort(columns)
+    return InRun(found, np.array(of), np.array(between, np.bool_), tuple(components), length, column)
 
-    @cached_property
-    def _run(self) -> InRun:
-        return in_run(self.problem, self.signs)
+
+def around(run: InRun, sigma: FloatArray, middle: Middle) -> tuple[InStrata, list[Middle]]:
+    """The run with covariances that differ from a middle one in one component, or in all of one kind, and these.
+
+    The first one has none.
+
+    Args:
+        run: the run.
+        sigma: (S,) standard deviation of a reading.
+        middle: the middle one.
+    """
+    grid = {run.none: None, middle: None}
+    for k, one in enumerate(run.components):
+        alike = [i for i, other in enumerate(run.components) if other.kind == one.kind]
+        for option in (o for o in range(len(one.options)) if abs(o - middle[k]) <= NEAR or o % COARSE == 0):
+            grid[tuple(option if i == k else at for i, at in enumerate(middle))] = None
+            grid[tuple(option if i in alike else at for i, at in enumerate(middle))] = None
+    every = list(grid)
+    each = np.array(every, np.int64).reshape(len(every), -1)
+    weight, shape = np.tile(sigma[run.of] ** -2.0, (len(every), 1)), np.zeros(each.shape)
+    for k, one in enumerate(run.components):
+        weight[:, one.strata] *= one.options[each[:, k]]
+        shape[:, k] = np.log(one.options).mean(axis=1)[each[:, k]]
+    noise = run.problem.noise
+    assert isinstance(noise, OfStrata)
+    length, price = np.sqrt(np.sum((run.length / sigma[:, None]) ** 2, axis=0)), _price(run, each)
+    return run.problem.under(replace(noise, weight=weight, price=price, shape=shape), length), every
+
+
+def _price(run: InRun, each: IntArray) -> FloatArray:
+    """(G,) in nats, of what sensors have not alike in covariances (G, C)."""
+    kinds, out = np.array([one.kind for one in run.components]), np.zeros(len(each))
+    for kind in np.unique(kinds[np.char.startswith(kinds, PARAMETER)] if len(kinds) else kinds):
+        own = each[:, kinds == kind]
+        alike = np.sum(own[:, :, None] == own[:, None], axis=2).max(axis=1)
+        out += ALONE * (own.shape[1] - alike)
+    return out
+
+
+Kind = tuple[str, FloatArray, list[Stratum]]
+"""Name of a component, its options, and its strata."""
+_SCATTER = "scatter", np.ones((1, 1))
+
+
+def _between_points(problem: Problem, i: int, columns: IntArray, own: IntArray) -> Iterator[Kind]:
+    both, within = (_stratum(problem, level, i, columns, own) for level in ("replications", "points"))
+    if within.df <= 0 or both.df <= within.df:
+        yield *_SCATTER, [both]
+        return
+    assert both.columns is not None
+    assert within.columns is not None
+    rest = Stratum(
+        own,
+        both.response - within.response,
+        max(both.square - within.square, 0.0),
+        both.df - within.df,
+        both.columns - within.columns,
+    )
+    yield *_SCATTER, [within]
+    yield "lack of fit", 1.0 / (1.0 + np.array([[0.0], *([one] for one in LACK_OF_FIT)])), [rest]
+
+
+def _stratum(problem: Problem, level: Level, i: int, columns: IntArray, own: IntArray) -> Stratum:
+    """Products of one sensor at a level."""
+    known, df = problem.products[level], float(problem.levels.df(level))
+    place = known.place[i][columns[own]]
+    gram = np.asarray(known.own[i][place[:, None], place])
+    return Stratum(own, known.outputs[i, columns[own]], float(known.square[i]), df, gram)
+
+
+def _between_replications(problem: Problem, i: int, columns: IntArray, own: IntArray) -> Iterator[Kind]:
+    """Changes of each parameter in contrasts that a walk leaves independent."""
+    count = len(problem.own)
+    if count < 2:
+        return
+    contrasts = np.linalg.qr(np.column_stack([np.ones(count), np.eye(count)[:, 1:]]))[0][:, 1:].T
+    ahead = np.arange(1.0, count + 1)
+    variance, vectors = np.linalg.eigh(contrasts @ np.minimum.outer(ahead, ahead) @ contrasts.T)
+    turned = vectors.T @ contrasts
+    x = np.tensordot(turned, problem.own[:, i][..., columns[own]], 1)
+    y = turned @ problem.own_outputs[:, i]
+    more = np.array([0.0 * variance, *(one + 0.0 * variance for one in APART), *(one * variance for one in WALKS)])
+    # an offset that walks within replications walks from one to the next, too; their scatter is that of as many rows
+    known = problem.wander[i] * (len(problem.scene.data) / count) ** 2 * variance
+    for k in range(x.shape[1]):
+        strata = [Stratum.of_rows(own, x[c, k : k + 1], y[c, k : k + 1]) for c in range(count - 1)]
+        yield f"{PARAMETER} {k}", 1.0 / (1.0 + more + (known if k == 0 else 0.0)), strata
+
+
+def _candidates(problem: Problem) -> tuple[Candidate, ...]:
+    most, out = limits(problem, range(len(problem.candidates))), list[Candidate]()
+    for u, unit in enumerate(problem.units):
+        one, single = problem.candidates[unit[0]], len(unit) == 1
+        labels = tuple(problem.candidates[j].term.name for j in unit)
+        term = TableTerm(labels, np.empty((0, len(unit))))
+        if one.effect.searched:  # its values are those of the catalogue: none is between two of them
+            profile = Profile(float(u), float(u), float(u), lambda _, alone=term: alone)  # type: ignore[misc]
+            term = replace(term, profile=profile)
+        sign, size = (one.effect.sign(one.term.name), float(most[unit[0]])) if single else (0, np.inf)
+        out.append(Candidate(one.effect, term, one.sensor, sign, size))
+    return tuple(out)

@@ -8,13 +8,14 @@ takes a third of the memory of storing all.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.engine.family import TableFamily
 from rig.fitter.trace.not_kept import NotKept
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects import Effect, Scene, Term
@@ -91,6 +92,7 @@ class Problem:
         wander: (S,) mean square step per row of the random walk in each sensor's offset, over its error's variance;
             zero without a detected walk.
         left_out: candidates that cannot be used in computation.
+        simulated: distributions of scores by chance, of this run and of parts of it, with what they are for.
     """
 
     scene: Scene
@@ -107,6 +109,7 @@ class Problem:
     judged_at: tuple[Level, ...]
     wander: FloatArray
     left_out: tuple[NotKept, ...] = ()
+    simulated: list[tuple[FloatArray, TableFamily]] = field(default_factory=list)
 
     @property
     def sensors(self) -> tuple[str, ...]:
@@ -143,6 +146,11 @@ class Problem:
     @cached_property
     def estimates(self) -> dict[tuple[int, ...], Any]:
         """Cache of fits, by the candidates in them: `estimate`."""
+        return {}
+
+    @cached_property
+    def engines(self) -> dict[frozenset[int] | None, Any]:
+        """Cache of the engine's judges, by the candidates in the model: `posed`."""
         return {}
 
     def columns_at(self, level: Level, picked: Sequence[int]) -> FloatArray:

@@ -14,39 +14,12 @@ likelihoods (`walks.py`): a walk too small to be detected in the scatter still l
 from __future__ import annotations
 
 import numpy as np
-from scipy import special
 
 from rig.fitter.arrays import FloatArray
 from rig.procedures.attitude.trace.levels import Level
 from rig.procedures.attitude.trace.problem import Problem
-from rig.procedures.attitude.trace.score import Scores, errors, inverse, whiten
+from rig.procedures.attitude.trace.score import errors, inverse, whiten
 from rig.procedures.attitude.trace.walks import SPREAD, likelihood_ratio
-
-
-def second_thoughts(problem: Problem, chosen: tuple[int, ...], u: int, scores: Scores, critical: float) -> float:
-    """The largest p of a unit, beside the `chosen` candidates.
-
-    Args:
-        problem: the run.
-        chosen: candidates in the model.
-        u: the unit.
-        scores: of all units beside the same candidates.
-        critical: the largest significant p; after one larger p no further test is made.
-    """
-    unit, rank = problem.units[u], int(scores.rank[u])
-    if rank == 0:
-        return 1.0
-    level, columns, outputs, length2 = _seen(problem, chosen, unit)
-    products, d, _, meats = _scatter(problem, level, columns, outputs, length2)
-    if np.any(problem.wander):
-        plain = scores.gain[u] / max(scores.f[u] * rank, np.finfo(float).tiny)
-        meats.append(products * plain + walked(problem, columns))
-    f = min(scores.f[u], *(float(d @ inverse(meat, length2, rank) @ d) / rank for meat in meats))
-    p = float(special.fdtrc(rank, scores.df[u], max(f, 0.0)))
-    if p > critical or problem.levels.df(level) <= 0:
-        return p
-    ratio = _against_walks(problem, level, columns, outputs)
-    return max(p, float(special.chdtrc(rank, max(ratio, 0.0))))
 
 
 def walked(problem: Problem, columns: FloatArray) -> FloatArray:

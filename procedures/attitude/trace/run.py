@@ -9,7 +9,6 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.errors import FitError
-from rig.fitter.trace.chance import DRAWS, Family
 from rig.fitter.trace.engine.family import TableFamily
 from rig.fitter.trace.found import explanations_of
 from rig.fitter.trace.keep import groups_of, kept, left_in
@@ -23,22 +22,17 @@ from rig.procedures.attitude.trace.agreement import supported
 from rig.procedures.attitude.trace.alternatives import alternatives
 from rig.procedures.attitude.trace.constant import doubts_of
 from rig.procedures.attitude.trace.estimate import concerns, estimate, stated
-from rig.procedures.attitude.trace.family import family_of
 from rig.procedures.attitude.trace.findings import residual_of, sensor_trace
 from rig.procedures.attitude.trace.judge import AttitudeJudge
 from rig.procedures.attitude.trace.make_problem import make_problem
 from rig.procedures.attitude.trace.outliers import outliers
 from rig.procedures.attitude.trace.plausible import plausible
-from rig.procedures.attitude.trace.posed import PosedJudge
 from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.restarts import search_with_restarts
 from rig.procedures.attitude.trace.result import Trace
-from rig.procedures.attitude.trace.score import score
 from rig.procedures.attitude.trace.simpler import simplified
 from rig.procedures.attitude.trace.unmodelled import UnmodelledSmooth
 from rig.procedures.attitude.trace.wander import expected, with_wander
-
-SEED = 20260115
 
 
 @dataclass(frozen=True)
@@ -49,41 +43,26 @@ class Search:
         catalogue: effects to search.
         temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
         unnamed: whether smooth terms without a cause may be added at the end.
-        pooled: whether the engine of all kinds searches.
-        simulated: its families.
+        simulated: distributions of scores by chance, of this run and of parts of it.
     """
 
     catalogue: tuple[Effect, ...]
     temperature: bool
     unnamed: bool
-    pooled: bool = False
     simulated: list[tuple[FloatArray, TableFamily]] = field(default_factory=list)
-
-    def judge(self, problem: Problem, family: Family) -> AttitudeJudge:
-        """The judge of a run."""
-        return PosedJudge(problem, family, simulated=self.simulated) if self.pooled else AttitudeJudge(problem, family)
 
     def problem_of(self, data: AttitudeData) -> Problem:
         """`data` prepared for the search; raises as `trace` does."""
-        return make_problem(data, self.catalogue, temperature=self.temperature)
+        return replace(make_problem(data, self.catalogue, temperature=self.temperature), simulated=self.simulated)
 
-    def family_of(self, problem: Problem, seed: int) -> Family:
-        """Scores by chance; for the engine, which simulates its own, those of as many independent units."""
-        if not self.pooled:
-            return family_of(problem, score(problem, ()), seed)
-        chance = (np.arange(DRAWS) + 0.5) / DRAWS
-        return Family(-np.expm1(np.log1p(-chance) / max(len(problem.units), 1)))
-
-    def settle(
-        self, problem: Problem, family: Family, *, restarts: bool = True
-    ) -> tuple[AttitudeJudge, tuple[int, ...]]:
+    def settle(self, problem: Problem, *, restarts: bool = True) -> tuple[AttitudeJudge, tuple[int, ...]]:
         """Search; then test the findings against the remaining random walk, until there is no change.
 
         A walk is estimated with the effects in the model and not before: a missing effect of temperature looks like
         one, and would be tested against itself. Terms without a cause come last.
         """
         judge, chosen = plausible(
-            *supported(*(search_with_restarts if restarts else search_and_name)(self.judge(problem, family)))
+            *supported(*(search_with_restarts if restarts else search_and_name)(AttitudeJudge(problem)))
         )
         simple = simplified(judge, chosen)
         if simple != chosen:
@@ -102,34 +81,29 @@ class Search:
 def trace(
     data: AttitudeData,
     catalogue: Sequence[Effect] = CATALOGUE,
-    seed: int = SEED,
     *,
     temperature: bool = False,
     validate: bool = True,
     unnamed: bool = False,
-    pooled: bool = False,
 ) -> Trace:
     """Find effects missing in the declared attitude model.
 
     Args:
         data: a pitch-roll run; any number of sensors, judged together.
         catalogue: effects to search.
-        seed: of the simulated null; the same data and seed give the same result.
         temperature: whether offset and sensitivity depend on the sensor's temperature in the declared model.
         validate: repeat the search without each replication for the left-out error, which takes most of the time.
         unnamed: whether smooth terms without a cause may absorb the remainder, by the same rule.
-        pooled: search with the engine of all kinds (`rig.fitter.trace.engine`), which estimates the errors of every
-            sensor within and between points anew with every candidate; for comparisons until it is the only one.
 
     Raises:
         rig.fitter.linear.RankError: the points do not determine the declared model.
         FitError: the declared model has temperature, and none was recorded or it never changed.
     """
-    search = Search((*catalogue, *UNNAMED) if unnamed else tuple(catalogue), temperature, unnamed, pooled)
-    aside, judge, found, family, not_kept = _without_outliers(data, search, seed)
+    search = Search((*catalogue, *UNNAMED) if unnamed else tuple(catalogue), temperature, unnamed)
+    aside, judge, found, not_kept = _without_outliers(data, search)
     problem = judge.problem
     judge.forget()  # the searches of parts, which take most memory, come while least is kept of the whole run
-    cv = left_out(problem.scene.data, search, family, anything=bool(found)) if validate else None
+    cv = left_out(problem.scene.data, search, anything=bool(found)) if validate else None
     before, after = estimate(problem, ()), estimate(problem, found)
     inside = left_in(judge, found, problem.sensors, stated(before), lambda one: stated(estimate(problem, found, one)))
     taken_out = estimate(problem, found, inside) if any(inside) else after
@@ -184,8 +158,8 @@ def final_check(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[tuple[in
 
 
 def _without_outliers(
-    data: AttitudeData, search: Search, seed: int
-) -> tuple[IntArray, AttitudeJudge, tuple[int, ...], Family, tuple[NotKept, ...]]:
+    data: AttitudeData, search: Search
+) -> tuple[IntArray, AttitudeJudge, tuple[int, ...], tuple[NotKept, ...]]:
     """Search, and repeat without the outliers from the findings, until there are no more.
 
     A reading that was an outlier only because of a missing effect is used again.
@@ -194,20 +168,18 @@ def _without_outliers(
     for last in (False, False, True):
         kept = data if not aside.size else data.take(np.setdiff1d(np.arange(len(data)), aside))
         problem = search.problem_of(kept)
-        family = search.family_of(problem, seed)
-        judge, found = search.settle(problem, family)
+        judge, found = search.settle(problem)
         found, not_kept = final_check(judge, found)
         again = outliers(data, residual_of(judge.problem, estimate(judge.problem, found), data))[0]
         if last or np.array_equal(again, aside):
             break
         aside = again
-    return aside, judge, found, family, not_kept
+    return aside, judge, found, not_kept
 
 
 def left_out(
     data: AttitudeData,
     search: Search,
-    family: Family,
     *,
     anything: bool = True,
 ) -> FloatArray | None:
@@ -226,17 +198,15 @@ def left_out(
             problem = (search if anything else replace(search, catalogue=())).problem_of(rest)
         except FitError:
             return None
-        squares += _squares_aside(problem, search, family, aside, anything=anything)
+        squares += _squares_aside(problem, search, aside, anything=anything)
         del problem  # otherwise the next one would be built at the same time
     return np.asarray(np.sqrt(squares / len(data)))
 
 
-def _squares_aside(
-    problem: Problem, search: Search, family: Family, aside: AttitudeData, *, anything: bool
-) -> FloatArray:
+def _squares_aside(problem: Problem, search: Search, aside: AttitudeData, *, anything: bool) -> FloatArray:
     """(2, S) sums of squared errors of data `aside`, before and after a search of the rest."""
     found: tuple[int, ...] = ()
     if anything:
-        judge, found = search.settle(problem, family, restarts=False)
+        judge, found = search.settle(problem, restarts=False)
         problem = judge.problem
     return np.stack([np.sum(residual_of(problem, estimate(problem, one), aside) ** 2, axis=1) for one in ((), found)])

@@ -15,10 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.quantiles import f_limit
 from rig.fitter.trace.aliases import NOTHING_LEFT
 from rig.fitter.trace.whitened import Whitened
 from rig.procedures.attitude.trace.levels import Level
@@ -28,27 +26,6 @@ RESOLVED = 1e-12
 """Relative size of an output's range below which differences are rounding; data without noise are not tested against
 it.
 """
-
-
-@dataclass(frozen=True, eq=False)
-class Scores:
-    """One entry per unit, (U,); zero and one for a unit that is in the model or cannot be judged.
-
-    Attributes:
-        f: score, in squared standard errors per column.
-        rank: number of independent columns beside the model.
-        df: degrees of freedom of the used error.
-        p: probability of a larger score by chance, for this unit alone.
-        gain: fall of the residual sum of squares, in units of the error's variance.
-        sign: of the coefficient; zero for units of several columns.
-    """
-
-    f: FloatArray
-    rank: IntArray
-    df: FloatArray
-    p: FloatArray
-    gain: FloatArray
-    sign: FloatArray
 
 
 def errors(problem: Problem, chosen: Sequence[int]) -> FloatArray:
@@ -152,100 +129,3 @@ def inverse(products: FloatArray, length2: FloatArray, rank: int | None = None) 
     inverted = np.where(kept, 1.0 / np.maximum(values, least), 0.0)
     out = (vectors * inverted[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     return np.asarray(out * scale[..., :, None] * scale[..., None, :])
-
-
-def score(problem: Problem, chosen: Sequence[int], of: Sequence[int] | None = None) -> Scores:
-    """Score units (those `of` interest, or all) beside the `chosen` candidates, each at its level."""
-    count = len(problem.units)
-    scores = Scores(
-        f=np.zeros(count),
-        rank=np.zeros(count, np.int64),
-        df=np.ones(count),
-        p=np.ones(count),
-        gain=np.zeros(count),
-        sign=np.zeros(count),
-    )
-    sigma = errors(problem, chosen)
-    levels: tuple[Level, ...] = ("replications", "points")
-    able = np.zeros(count, np.bool_)
-    able[list(range(count) if of is None else of)] = True
-    able[[problem.unit_of[j] for j in chosen]] = False
-    for level in levels:
-        if problem.levels.df(level) <= len(chosen) + 1:
-            continue
-        within = beside(problem, "points", chosen, np.zeros(0, np.int64), sigma).square
-        for at, units, candidates in problem.units_alike:
-            wanted = able[units]
-            if at != level or not np.any(wanted):
-                continue
-            same, here = units[wanted], candidates[wanted]
-            length2 = np.sum((problem.length[:, here] / sigma[:, None, None]) ** 2, axis=0)
-            left = beside(problem, level, chosen, here, sigma)
-            _judge(problem, level, len(chosen), scores, same, _Units(left, length2), within)
-    return scores
-
-
-@dataclass(frozen=True, eq=False)
-class _Units:
-    """U units of q candidates each.
-
-    Attributes:
-        left: products, (S, U, q, q), (S, U, q) and (S,).
-        length2: (U, q) squared lengths of the original columns.
-    """
-
-    left: Products
-    length2: FloatArray
-
-
-def _judge(
-    problem: Problem, level: Level, chosen: int, scores: Scores, units: IntArray, of: _Units, within: FloatArray
-) -> None:
-    """Fill in the scores of `units` with this number of columns each."""
-    left = of.left
-    spread = inverse(left.columns.sum(axis=0), of.length2)
-    d = left.outputs.sum(axis=0)
-    gamma = (spread @ d[:, :, None])[:, :, 0]
-    norm2 = np.einsum("sujj->su", left.columns)
-    rank = np.rint(np.einsum("ujk,ukj->u", spread, left.columns.sum(axis=0))).astype(np.int64)
-    can = rank > 0
-    after = left.square[:, None] - 2 * np.einsum("suj,uj->su", left.outputs, gamma)
-    after += np.einsum("uj,sujk,uk->su", gamma, left.columns, gamma)
-    inflation, df = _lack_of_fit(problem, level, chosen, after, norm2, within)
-    meat = np.einsum("su,sujk->ujk", inflation, left.columns)
-    wald = np.einsum("uj,ujk,uk->u", d, inverse(meat, of.length2), d)
-    gain = np.where(can, np.einsum("uj,uj->u", gamma, d), 0.0)
-    f = np.where(can, np.minimum(wald, gain) / np.maximum(rank, 1), 0.0)
-    scores.f[units], scores.rank[units], scores.df[units] = f, rank, df
-    scores.gain[units] = gain
-    scores.sign[units] = np.sign(d[:, 0]) if d.shape[1] == 1 else 0.0
-    scores.p[units] = np.where(can, special.fdtrc(np.maximum(rank, 1), df, np.maximum(f, 0.0)), 1.0)
-
-
-def _lack_of_fit(
-    problem: Problem, level: Level, chosen: int, after: FloatArray, norm2: FloatArray, within: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Error for the test of units: pure error, or the lack of fit if more than error remains.
-
-    Args:
-        problem: the run.
-        level: level of the test.
-        chosen: number of candidates in the model.
-        after: (S, U) residual sum of squares beside each unit, over each sensor's error.
-        norm2: (S, U) squared length of the units' columns.
-        within: (S,) residual sum of squares point by replication.
-
-    Returns:
-        (S, U) mean square of that error over the pure error's, and (U,) its degrees of freedom.
-    """
-    count, units = norm2.shape
-    pure, plain = problem.levels.df("points"), np.ones((count, units))
-    if pure <= 0:
-        return plain, np.full(units, float(problem.levels.df(level) - chosen - 1))
-    lof = problem.levels.n_points - problem.levels.declared.shape[1] - chosen - 1
-    if level == "points" or lof <= 0:
-        return plain, np.full(units, float(pure * count))
-    ratio = (after - within[:, None]) / lof
-    inflation = np.where(ratio > f_limit(0.95, lof, pure), ratio, 1.0)
-    concerned = norm2 > 0.05 * norm2.sum(axis=0)
-    return inflation, np.where(np.any((inflation > 1.0) & concerned, axis=0), float(lof), float(pure * count))
