@@ -51,6 +51,7 @@ def made(seed=1):
         length=np.linalg.norm(columns, axis=0),
         part=np.arange(2),
         scatter=np.zeros(2, np.int64),
+        of_error=np.array([True, False]),
     )
     return y, columns, means, StrataJudge(problem)
 

@@ -33,6 +33,7 @@ class Stratum:
         df: degrees of freedom.
         columns: (d, d) products of the columns; None if rows are known.
         rows: (r, d) with these products, of a stratum that has few.
+        whole: (d,) lengths of the columns before anything was taken out of them; None if they are those of `columns`.
     """
 
     own: IntArray
@@ -41,6 +42,7 @@ class Stratum:
     df: float
     columns: FloatArray | None = None
     rows: FloatArray | None = None
+    whole: FloatArray | None = None
 
     @classmethod
     def of_rows(cls, own: IntArray, rows: FloatArray, response: FloatArray) -> Stratum:
@@ -69,12 +71,18 @@ class Stratum:
 
     @cached_property
     def root(self) -> FloatArray:
-        """(r, d) whose product with itself is that of the columns."""
+        """(r, d) whose product with itself is that of the columns; r is at most the degrees of freedom.
+
+        Columns are compared with what they were before anything was taken out: of one that is not in this stratum
+        rounding is left, which would be one more direction, and errors drawn along it more than the stratum has.
+        """
         if self.rows is not None:
             return self.rows
         assert self.columns is not None
-        size = np.sqrt(np.maximum(np.diag(self.columns), _TINY))
-        triangle, order, rank, _ = dpstrf(self.columns / size / size[:, None], tol=1e-10, lower=False)
+        size = np.sqrt(np.maximum(np.diag(self.columns), 0.0)) if self.whole is None else self.whole
+        over = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
+        triangle, order, rank, _ = dpstrf(self.columns * over * over[:, None], tol=1e-10, lower=False)
+        rank = min(rank, round(self.df))
         out = np.zeros((rank, len(size)))
         out[:, order - 1] = np.triu(triangle)[:rank]
         return out * size
@@ -131,12 +139,14 @@ class InStrata(Problem):
         length: (D,) lengths of all columns before the declared ones were taken out, over the rows' errors.
         part: (L,) number of each stratum's part: strata of one part have one mean square.
         scatter: (L,) the stratum of the same rows whose errors are scatter alone.
+        of_error: (L,) whether a stratum is one of those whose mean square was the scatter of these rows.
     """
 
     strata: tuple[Stratum, ...] = field(kw_only=True)
     length: FloatArray = field(kw_only=True)
     part: IntArray = field(kw_only=True)
     scatter: IntArray = field(kw_only=True)
+    of_error: BoolArray = field(kw_only=True)
 
     def under(self, noise: OfStrata, length: FloatArray) -> InStrata:
         """The same under other variances, with what does not depend on them."""
@@ -341,7 +351,11 @@ class Drawn(NamedTuple):
 
 
 def draw(problem: InStrata, at: int, rng: np.random.Generator, count: int) -> list[Drawn]:
-    """For each stratum m draws under a covariance."""
+    """For each stratum m draws under a covariance.
+
+    They are divided by the scatter that each draw shows, as a run's errors are: with few degrees of freedom it may be
+    far from the true one.
+    """
     out = []
     for one, weight in zip(problem.strata, problem.weight[at].tolist(), strict=True):
         sd, root = 1.0 / np.sqrt(weight), one.root
@@ -352,6 +366,18 @@ def draw(problem: InStrata, at: int, rng: np.random.Generator, count: int) -> li
         few = one.rows is not None
         dots = normal[:0] if few else (root / problem.scale[one.own]).T.astype(np.float32) @ normal
         out.append(Drawn(normal, dots, squares))
+    weights = problem.weight[at]
+    for base in np.unique(problem.scatter).tolist():
+        mine = np.flatnonzero(problem.scatter == base)
+        told = [k for k in mine.tolist() if problem.of_error[k]]
+        shown = sum(float(weights[k]) * out[k].squares for k in told)
+        df = sum(problem.strata[k].df for k in told)
+        if df > 0.0:
+            each = df / np.maximum(shown, _TINY)
+            single = np.sqrt(each).astype(np.float32)
+            for k in mine.tolist():
+                for part, factor in zip(out[k], (single, single, each), strict=True):
+                    part *= factor
     return out
 
 

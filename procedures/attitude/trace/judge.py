@@ -219,8 +219,10 @@ class AttitudeJudge:
 
     @cached_property
     def _open(self) -> NDArray[np.bool_]:
-        """(U,) units that may be added."""
-        causes, closed = self.problem.causes, self.closed
+        """(U,) units that may be added; none where nothing tells the scatter of readings."""
+        causes, closed, levels = self.problem.causes, self.closed, self.problem.levels
+        if levels.df(levels.of_error) <= 0:
+            return np.zeros(len(causes), np.bool_)
         return np.array([one[0] not in self.shut and one not in closed for one in causes], np.bool_)
 
     @cached_property

@@ -23,7 +23,7 @@ from rig.fitter.trace.engine.term import Profile, TableTerm
 from rig.procedures.attitude.trace.levels import Level
 from rig.procedures.attitude.trace.limits import limits
 from rig.procedures.attitude.trace.problem import Problem
-from rig.procedures.attitude.trace.score import errors
+from rig.procedures.attitude.trace.score import errors, rounding
 
 LACK_OF_FIT = tuple(np.geomspace(0.3, 1e4, 19).tolist())
 """Variance of the mean of a point beyond that by scatter, over that by scatter."""
@@ -120,7 +120,8 @@ def units_of(problem: Problem, chosen: Sequence[int]) -> tuple[int, ...]:
 def _posed(problem: Problem) -> InRun:
     columns = np.array([j for unit in problem.units for j in unit], np.int64)
     strata, of, between, components = list[Stratum](), list[int](), list[bool](), list[Component]()
-    alike, scatter = list[int](), list[int]()
+    alike, scatter, of_error = list[int](), list[int](), list[bool]()
+    every = problem.levels.of_error == "replications"  # the scatter of readings is the mean square of both strata
     for i in range(len(problem.sensors)):
         first = len(strata)
         own = np.flatnonzero(np.isin(columns, problem.concerned[i]))
@@ -136,6 +137,7 @@ def _posed(problem: Problem) -> InRun:
                 of += [i] * len(some)
                 scatter += [first] * len(some)
                 between += [apart] * len(some)
+                of_error += [not apart and (every or kind == SCATTER)] * len(some)
     none = np.empty(0)
     found = InStrata(
         y=none,
@@ -147,6 +149,7 @@ def _posed(problem: Problem) -> InRun:
         strata=tuple(strata),
         part=np.array(alike, np.int64),
         scatter=np.array(scatter, np.int64),
+        of_error=np.array(of_error, np.bool_),
         length=np.empty(len(columns)),
     )
     length, column = problem.length[:, columns], np.argsort(columns)
@@ -193,13 +196,13 @@ def _price(run: InRun, each: IntArray) -> FloatArray:
 
 Kind = tuple[str, FloatArray, list[Stratum]]
 """Name of a component, its options, and its strata."""
-_SCATTER = "scatter", np.ones((1, 1))
+SCATTER = "scatter"
 
 
 def _between_points(problem: Problem, i: int, columns: IntArray, own: IntArray) -> Iterator[Kind]:
     both, within = (_stratum(problem, level, i, columns, own) for level in ("replications", "points"))
     if within.df <= 0 or both.df <= within.df:
-        yield *_SCATTER, [both]
+        yield SCATTER, np.ones((1, 1)), [both]
         return
     assert both.columns is not None
     assert within.columns is not None
@@ -209,8 +212,9 @@ def _between_points(problem: Problem, i: int, columns: IntArray, own: IntArray) 
         max(both.square - within.square, 0.0),
         both.df - within.df,
         both.columns - within.columns,
+        whole=both.whole,
     )
-    yield *_SCATTER, [within]
+    yield SCATTER, np.ones((1, 1)), [within]
     yield "lack of fit", 1.0 / (1.0 + np.array([[0.0], *([one] for one in LACK_OF_FIT)])), [rest]
 
 
@@ -219,7 +223,8 @@ def _stratum(problem: Problem, level: Level, i: int, columns: IntArray, own: Int
     known, df = problem.products[level], float(problem.levels.df(level))
     place = known.place[i][columns[own]]
     gram = np.asarray(known.own[i][place[:, None], place])
-    return Stratum(own, known.outputs[i, columns[own]], float(known.square[i]), df, gram)
+    square = float(known.square[i]) + max(df, 0.0) * float(rounding(problem)[i]) ** 2
+    return Stratum(own, known.outputs[i, columns[own]], square, df, gram, whole=problem.length[i, columns[own]])
 
 
 def _between_replications(problem: Problem, i: int, columns: IntArray, own: IntArray) -> Iterator[Kind]:
@@ -237,7 +242,8 @@ def _between_replications(problem: Problem, i: int, columns: IntArray, own: IntA
     # an offset that walks within replications walks from one to the next, too; their scatter is that of as many rows
     known = problem.wander[i] * (len(problem.scene.data) / count) ** 2 * variance
     for k in range(x.shape[1]):
-        strata = [Stratum.of_rows(own, x[c, k : k + 1], y[c, k : k + 1]) for c in range(count - 1)]
+        rows = (Stratum.of_rows(own, x[c, k : k + 1], y[c, k : k + 1]) for c in range(count - 1))
+        strata = [replace(one, square=one.square + float(rounding(problem)[i]) ** 2) for one in rows]
         yield f"{PARAMETER} {k}", 1.0 / (1.0 + more + (known if k == 0 else 0.0)), strata
 
 
