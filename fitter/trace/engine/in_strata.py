@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -395,6 +396,11 @@ def summed(problem: InStrata, drawn: Sequence[Drawn], weight: FloatArray) -> Sin
 def _rooted(products: FloatArray, length: FloatArray) -> FloatArray:
     """(..., q, q) rows of Gram and Schmidt from products of columns of some `length` (..., q)."""
     q, least = products.shape[-1], NOTHING_LEFT**2
+    if q > 1:  # the same by Cholesky, which is faster, where no column is replaced by those before
+        with contextlib.suppress(np.linalg.LinAlgError):
+            triangle = np.linalg.cholesky(products)
+            if np.all(np.diagonal(triangle, axis1=-2, axis2=-1) ** 2 > least * length**2):
+                return np.asarray(np.linalg.inv(triangle))
     out = np.zeros_like(products)
     for k in range(q):
         row = np.zeros(products.shape[:-1])

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -70,7 +72,8 @@ class InRun:
         of: (L,) sensor of each stratum.
         between: (L,) whether it is between replications.
         components: of the variance.
-        length: (S, D) lengths of the columns.
+        unit: (S,) volts that are one in each sensor's strata: its scatter beside the declared model.
+        length: (S, D) lengths of the columns in these units.
         column: (J,) of each candidate among the units' columns.
     """
 
@@ -78,6 +81,7 @@ class InRun:
     of: IntArray
     between: BoolArray
     components: tuple[Component, ...]
+    unit: FloatArray
     length: FloatArray
     column: IntArray
 
@@ -85,6 +89,32 @@ class InRun:
     def none(self) -> Middle:
         """No component."""
         return (0,) * len(self.components)
+
+    @cached_property
+    def _grids(self) -> dict[Middle, Covariances]:
+        return {}
+
+    def grid(self, middle: Middle) -> Covariances:
+        """Covariances about a middle one; a search comes back to the same ones."""
+        if middle not in self._grids:
+            self._grids[middle] = _about(self, middle)
+        return self._grids[middle]
+
+
+class Covariances(NamedTuple):
+    """Covariances of a run.
+
+    Attributes:
+        every: G of them.
+        factor: (G, L) of the weights of strata.
+        shape: (G, C) see `OfStrata`.
+        price: (G,) see `OfStrata`.
+    """
+
+    every: list[Middle]
+    factor: FloatArray
+    shape: FloatArray
+    price: FloatArray
 
 
 def posed(problem: Problem) -> InRun:
@@ -119,6 +149,7 @@ def units_of(problem: Problem, chosen: Sequence[int]) -> tuple[int, ...]:
 
 def _posed(problem: Problem) -> InRun:
     columns = np.array([j for unit in problem.units for j in unit], np.int64)
+    units = errors(problem, ())
     strata, of, between, components = list[Stratum](), list[int](), list[bool](), list[Component]()
     alike, scatter, of_error = list[int](), list[int](), list[bool]()
     every = problem.levels.of_error == "replications"  # the scatter of readings is the mean square of both strata
@@ -126,8 +157,8 @@ def _posed(problem: Problem) -> InRun:
         first = len(strata)
         own = np.flatnonzero(np.isin(columns, problem.concerned[i]))
         for apart, same in (
-            (False, _between_points(problem, i, columns, own)),
-            (True, _between_replications(problem, i, columns, own)),
+            (False, _between_points(problem, i, units[i], columns, own)),
+            (True, _between_replications(problem, i, units[i], columns, own)),
         ):
             for kind, options, some in same:
                 if len(options) > 1:
@@ -152,8 +183,8 @@ def _posed(problem: Problem) -> InRun:
         of_error=np.array(of_error, np.bool_),
         length=np.empty(len(columns)),
     )
-    length, column = problem.length[:, columns], np.argsort(columns)
-    return InRun(found, np.array(of), np.array(between, np.bool_), tuple(components), length, column)
+    length, column = problem.length[:, columns] / units[:, None], np.argsort(columns)
+    return InRun(found, np.array(of), np.array(between, np.bool_), tuple(components), units, length, column)
 
 
 def around(run: InRun, sigma: FloatArray, middle: Middle) -> tuple[InStrata, list[Middle]]:
@@ -166,22 +197,37 @@ def around(run: InRun, sigma: FloatArray, middle: Middle) -> tuple[InStrata, lis
         sigma: (S,) standard deviation of a reading.
         middle: the middle one.
     """
-    grid = {run.none: None, middle: None}
-    for k, one in enumerate(run.components):
-        alike = [i for i, other in enumerate(run.components) if other.kind == one.kind]
-        for option in (o for o in range(len(one.options)) if abs(o - middle[k]) <= NEAR or o % COARSE == 0):
-            grid[tuple(option if i == k else at for i, at in enumerate(middle))] = None
-            grid[tuple(option if i in alike else at for i, at in enumerate(middle))] = None
-    every = list(grid)
-    each = np.array(every, np.int64).reshape(len(every), -1)
-    weight, shape = np.tile(sigma[run.of] ** -2.0, (len(every), 1)), np.zeros(each.shape)
-    for k, one in enumerate(run.components):
-        weight[:, one.strata] *= one.options[each[:, k]]
-        shape[:, k] = np.log(one.options).mean(axis=1)[each[:, k]]
-    noise = run.problem.noise
+    grid = run.grid(middle)
+    sigma, noise = sigma / run.unit, run.problem.noise
     assert isinstance(noise, OfStrata)
-    length, price = np.sqrt(np.sum((run.length / sigma[:, None]) ** 2, axis=0)), _price(run, each)
-    return run.problem.under(replace(noise, weight=weight, price=price, shape=shape), length), every
+    noise = replace(noise, weight=grid.factor * sigma[run.of] ** -2.0, price=grid.price, shape=grid.shape)
+    length = np.sqrt(np.sum((run.length / sigma[:, None]) ** 2, axis=0))
+    return run.problem.under(noise, length), grid.every
+
+
+def _about(run: InRun, middle: Middle) -> Covariances:
+    kinds, at = [one.kind for one in run.components], np.array(middle, np.int64)
+    changes = list[tuple[IntArray, int]]()
+    for kind in dict.fromkeys(kinds):
+        alike = np.array([k for k, other in enumerate(kinds) if other == kind])
+        for option in range(len(run.components[alike[0]].options)):
+            tried = alike[np.abs(option - at[alike]) <= NEAR] if option % COARSE else alike
+            if len(tried) and np.any(at[alike] != option):
+                changes.append((alike, option))
+            if len(alike) > 1:
+                changes += [(np.array([k]), option) for k in tried[at[tried] != option].tolist()]
+    each = np.tile(at, (2 + len(changes), 1))
+    each[0] = 0
+    for row, (changed, option) in zip(each[2:], changes, strict=True):
+        row[changed] = option
+    if middle == run.none:
+        each = each[1:]
+    every = [tuple(one) for one in each.tolist()]
+    factor, shape = np.ones((len(every), len(run.of))), np.zeros(each.shape)
+    for k, one in enumerate(run.components):
+        factor[:, one.strata] *= one.options[each[:, k]]
+        shape[:, k] = np.log(one.options).mean(axis=1)[each[:, k]]
+    return Covariances(every, factor, shape, _price(run, each))
 
 
 def _price(run: InRun, each: IntArray) -> FloatArray:
@@ -199,8 +245,8 @@ Kind = tuple[str, FloatArray, list[Stratum]]
 SCATTER = "scatter"
 
 
-def _between_points(problem: Problem, i: int, columns: IntArray, own: IntArray) -> Iterator[Kind]:
-    both, within = (_stratum(problem, level, i, columns, own) for level in ("replications", "points"))
+def _between_points(problem: Problem, i: int, unit: float, columns: IntArray, own: IntArray) -> Iterator[Kind]:
+    both, within = (_stratum(problem, level, i, unit, columns, own) for level in ("replications", "points"))
     if within.df <= 0 or both.df <= within.df:
         yield SCATTER, np.ones((1, 1)), [both]
         return
@@ -218,16 +264,18 @@ def _between_points(problem: Problem, i: int, columns: IntArray, own: IntArray) 
     yield "lack of fit", 1.0 / (1.0 + np.array([[0.0], *([one] for one in LACK_OF_FIT)])), [rest]
 
 
-def _stratum(problem: Problem, level: Level, i: int, columns: IntArray, own: IntArray) -> Stratum:
-    """Products of one sensor at a level."""
+def _stratum(problem: Problem, level: Level, i: int, unit: float, columns: IntArray, own: IntArray) -> Stratum:
+    """Products of one sensor at a level; rounding is error, too."""
     known, df = problem.products[level], float(problem.levels.df(level))
     place = known.place[i][columns[own]]
     gram = np.asarray(known.own[i][place[:, None], place])
-    square = float(known.square[i]) + max(df, 0.0) * float(rounding(problem)[i]) ** 2
-    return Stratum(own, known.outputs[i, columns[own]], square, df, gram, whole=problem.length[i, columns[own]])
+    gram /= unit**2
+    square = (float(known.square[i]) + max(df, 0.0) * float(rounding(problem)[i]) ** 2) / unit**2
+    response, whole = known.outputs[i, columns[own]] / unit**2, problem.length[i, columns[own]] / unit
+    return Stratum(own, response, square, df, gram, whole=whole)
 
 
-def _between_replications(problem: Problem, i: int, columns: IntArray, own: IntArray) -> Iterator[Kind]:
+def _between_replications(problem: Problem, i: int, unit: float, columns: IntArray, own: IntArray) -> Iterator[Kind]:
     """Changes of each parameter in contrasts that a walk leaves independent."""
     count = len(problem.own)
     if count < 2:
@@ -236,14 +284,14 @@ def _between_replications(problem: Problem, i: int, columns: IntArray, own: IntA
     ahead = np.arange(1.0, count + 1)
     variance, vectors = np.linalg.eigh(contrasts @ np.minimum.outer(ahead, ahead) @ contrasts.T)
     turned = vectors.T @ contrasts
-    x = np.tensordot(turned, problem.own[:, i][..., columns[own]], 1)
-    y = turned @ problem.own_outputs[:, i]
+    x = np.tensordot(turned, problem.own[:, i][..., columns[own]] / unit, 1)
+    y = turned @ problem.own_outputs[:, i] / unit
     more = np.array([0.0 * variance, *(one + 0.0 * variance for one in APART), *(one * variance for one in WALKS)])
     # an offset that walks within replications walks from one to the next, too; their scatter is that of as many rows
     known = problem.wander[i] * (len(problem.scene.data) / count) ** 2 * variance
     for k in range(x.shape[1]):
         rows = (Stratum.of_rows(own, x[c, k : k + 1], y[c, k : k + 1]) for c in range(count - 1))
-        strata = [replace(one, square=one.square + float(rounding(problem)[i]) ** 2) for one in rows]
+        strata = [replace(one, square=one.square + (float(rounding(problem)[i]) / unit) ** 2) for one in rows]
         yield f"{PARAMETER} {k}", 1.0 / (1.0 + more + (known if k == 0 else 0.0)), strata
 
 

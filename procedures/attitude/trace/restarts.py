@@ -21,11 +21,18 @@ MOST_STARTS = 5
 def search_with_restarts(judge: AttitudeJudge) -> tuple[AttitudeJudge, tuple[int, ...]]:
     """The judge with refined constants, and the best result of searches from several starts."""
     ends = [search_and_name(judge)]
-    if len(names_of(judge.candidates, ends[0][1])) >= CROWD:
-        ends += [search_and_name(judge, prune(judge, start)) for start in judge.starts()[:MOST_STARTS]]
+    if _crowd(*ends[0]):
+        for start in judge.starts()[:MOST_STARTS]:
+            ends.append(search_and_name(judge, prune(judge, start)))
+            if not _crowd(*ends[-1]) and _price(*ends[-1]) < _price(*ends[0]):
+                break  # fewer causes that explain more: other starts take longest where they end in a crowd again
         prices = np.array([_price(*end) for end in ends])
         return ends[int(np.argmax(prices <= prices.min() + ROUNDING * (1.0 + abs(prices.min()))))]
     return ends[0]
+
+
+def _crowd(judge: AttitudeJudge, chosen: tuple[int, ...]) -> bool:
+    return len(names_of(judge.candidates, chosen)) >= CROWD
 
 
 def _price(judge: AttitudeJudge, chosen: tuple[int, ...]) -> float:
