@@ -44,7 +44,11 @@ def in_part(problem: Problem, chosen: tuple[int, ...], u: int) -> tuple[float, f
         meats.append(products + walked(problem, columns))
     least = min(plain, *(float(d @ inverse(meat, length2, rank) @ d) for meat in meats))
     asked = problem.levels.df(level) > 0
-    return plain, least / plain, max(_against_walks(problem, level, columns, outputs), 0.0) if asked else np.inf
+    against = max(_against_walks(problem, level, columns, outputs), 0.0) if asked else np.inf
+    if asked and level == "points":  # without the means of points a walk in random order is no walk any more
+        white = whiten(problem, "replications", chosen, errors(problem, chosen), problem.units[u])
+        against = min(against, max(_against_walks(problem, "replications", white.columns, white.outputs), 0.0))
+    return plain, least / plain, against
 
 
 def _seen(
