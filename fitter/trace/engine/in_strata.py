@@ -377,8 +377,9 @@ def draw(problem: InStrata, at: int, rng: np.random.Generator, count: int) -> li
             each = df / np.maximum(shown, _TINY)
             single = np.sqrt(each).astype(np.float32)
             for k in mine.tolist():
-                for part, factor in zip(out[k], (single, single, each), strict=True):
-                    part *= factor
+                np.multiply(out[k].normal, single, out=out[k].normal)
+                np.multiply(out[k].dots, single, out=out[k].dots)
+                np.multiply(out[k].squares, each, out=out[k].squares)
     return out
 
 
