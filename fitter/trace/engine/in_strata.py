@@ -224,7 +224,7 @@ class InStrata(Problem):
 
     def rooted(self, picked: IntArray, products: FloatArray) -> FloatArray:
         """(..., q, q) rows that make columns orthonormal, each beside those before; zero for one that these replace."""
-        return _rooted(products, np.maximum(self.length[picked], _TINY))
+        return rooted(products, np.maximum(self.length[picked], _TINY))
 
     def beside(
         self, at: int, taken: IntArray, columns: IntArray, blocks: FloatArray | None = None
@@ -394,7 +394,7 @@ def summed(problem: InStrata, drawn: Sequence[Drawn], weight: FloatArray) -> Sin
     return out
 
 
-def _rooted(products: FloatArray, length: FloatArray) -> FloatArray:
+def rooted(products: FloatArray, length: FloatArray) -> FloatArray:
     """(..., q, q) rows of Gram and Schmidt from products of columns of some `length` (..., q)."""
     q, least = products.shape[-1], NOTHING_LEFT**2
     if q > 1:  # the same by Cholesky, which is faster, where no column is replaced by those before

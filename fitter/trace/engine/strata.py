@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.family import CERTAIN, FEWEST, TableFamily, Tail, evidence
-from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, draw, summed
+from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, draw, rooted, summed
 from rig.fitter.trace.engine.judge import Key, TableJudge
 from rig.fitter.trace.engine.likelihood import Likelihoods, ratio
 from rig.fitter.trace.engine.noise import BoolArray
@@ -100,17 +100,19 @@ class StrataJudge(TableJudge):
         rank, df = int(scores.rank[j]), int(scores.df[j])
         return (ratio(trial.without, trial.beside, (every, every), rank, df) if rank else 0.0), rank, df
 
+    def explained(self, chosen: tuple[int, ...], j: int, factor: FloatArray) -> float:
+        """What `j` explains beside those `chosen`, in variances, with (L,) other weights of strata in proportion."""
+        problem, order, beside = self.problem, (*sorted(chosen), j), self._trial(chosen, j).beside
+        weight, columns = problem.weight[beside.best] * factor / beside.sigma2[beside.best], problem.picked(order)
+        products = np.tensordot(weight, problem.each(columns[:, None], columns), 1)
+        own = len(columns) - len(problem.picked((j,)))
+        root = rooted(products, np.sqrt(np.diag(products)))
+        return float(np.sum((root @ (weight @ problem.each_dots(columns)))[own:] ** 2))
+
     def damped(self, chosen: tuple[int, ...], j: int, factor: FloatArray) -> float:
         """Share of what `j` explains beside those `chosen` that is left with (L,) smaller weights of strata."""
-        problem, order = self.problem, (*sorted(chosen), j)
-        weight, columns = problem.weight[self._trial(chosen, j).beside.best], problem.picked(order)
-        products, dots = problem.each(columns[:, None], columns), problem.each_dots(columns)
-        own = len(columns) - len(problem.picked((j,)))
-        gains = [
-            np.sum((problem.rooted(columns, np.tensordot(w, products, 1)) @ (w @ dots))[own:] ** 2)
-            for w in (weight, weight * factor)
-        ]
-        return float(min(gains[1] / max(gains[0], _TINY), 1.0))
+        gained = self.explained(chosen, j, np.ones_like(factor))
+        return min(self.explained(chosen, j, factor) / max(gained, _TINY), 1.0)
 
     def judge(self, chosen: tuple[int, ...], j: int, f: float, rank: int, df: int, most: float = np.inf) -> float:
         """Family-wise p of such an F of `j` beside those `chosen`, by the likeliest errors that cost nothing."""

@@ -4,7 +4,7 @@ replications at once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -254,18 +254,27 @@ class AttitudeJudge:
         """Candidates that are significant beside those `chosen`, except for their required sign: the clearest of each
         effect and sensor.
         """
+        signs = self._engine(chosen).problem.signs
+        return self._impossible(chosen, lambda value, t: (signs * value < 0.0) & (t > SURE)) if np.any(signs) else ()
+
+    def outsized(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
+        """Those that are, except for an impossible size."""
+        most = self._engine(chosen).problem.most
+        return self._impossible(chosen, lambda value, t: np.abs(value) * (1.0 - SURE / np.maximum(t, SURE)) > most)
+
+    def _impossible(
+        self, chosen: tuple[int, ...], wrong: Callable[[FloatArray, FloatArray], NDArray[np.bool_]]
+    ) -> tuple[Impossible, ...]:
         engine, units = self._engine(chosen), units_of(self.problem, chosen)
-        if not np.any(engine.problem.signs):
-            return ()
         scores, value = engine.everything(engine.beside(units).best, tuple(sorted(units)))
         t = np.sqrt(np.maximum(scores.ratio, 0.0))
         clearest: dict[tuple[str, str | None], int] = {}
-        for u in np.flatnonzero((engine.problem.signs * value < 0.0) & (t > SURE) & self._open).tolist():
+        for u in np.flatnonzero(wrong(value, t) & self._open).tolist():
             cause = self.problem.causes[u]
             if cause not in clearest or t[u] > t[clearest[cause]]:
                 clearest[cause] = u
-        wrong = (u for u in clearest.values() if self._unsigned(chosen, u) <= ALPHA)
-        return tuple(Impossible(self.problem.units[u][0], float(value[u]), float(abs(value[u]) / t[u])) for u in wrong)
+        sure = (u for u in clearest.values() if self._unsigned(chosen, u) <= ALPHA)
+        return tuple(Impossible(self.problem.units[u][0], float(value[u]), float(abs(value[u]) / t[u])) for u in sure)
 
     def _p(self, chosen: tuple[int, ...], u: int) -> float:
         """P of a unit beside the `chosen` candidates."""
@@ -285,11 +294,15 @@ class AttitudeJudge:
         return max(p, engine.judge(units, u, f * self._robust(chosen, u), rank, df))
 
     def _robust(self, chosen: tuple[int, ...], u: int) -> float:
-        """Share of the evidence for a unit that unequal, shared or slow errors within replications leave."""
+        """Share of the evidence for a unit that unequal, shared or slow errors within replications leave.
+
+        They are asked beside scatter alone. What the engine has against lack of fit counts where that is less.
+        """
+        engine, units, between = self._engine(chosen), units_of(self.problem, chosen), posed(self.problem).between
         plain, share, against_walks = in_part(self.problem, chosen, u)
-        left = min(share, against_walks / plain) if plain > 0.0 else 1.0
-        between = posed(self.problem).between
-        return self._engine(chosen).damped(units_of(self.problem, chosen), u, np.where(between, 1.0, left))
+        whole = min(plain, engine.explained(units, u, np.where(between, 0.0, 1.0)))
+        left = min(plain * share, against_walks) / whole if whole > 0.0 else 1.0
+        return engine.damped(units, u, np.where(between, 1.0, min(left, 1.0)))
 
     def _engine(self, chosen: tuple[int, ...]) -> StrataJudge:
         """The engine's judge, which adds open units only."""

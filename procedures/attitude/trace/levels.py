@@ -23,7 +23,7 @@ from rig.fitter.linear import orthonormal
 from rig.fitter.sums_of_squares import centred, own_parameters, project_out
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.model import attitude_columns
-from rig.procedures.attitude.trace.walks import Walks, walks_of
+from rig.procedures.attitude.trace.walks import STEPS, WIDE, Walks, walks_of
 
 Level = Literal["declared", "replications", "points"]
 LEVELS: tuple[Level, ...] = ("declared", "replications", "points")
@@ -142,16 +142,15 @@ class Levels:
         each = np.stack([fit @ columns[rows] for fit, rows in zip(self.alone, self._rows, strict=True)])
         return np.asarray(each - each.mean(axis=0))
 
-    def walks(self, level: Level) -> Walks:
-        """Likelihoods of the remainder at a level, for random walks of the offset."""
-        if level not in self._walks:
-            self._walks[level] = walks_of(
-                self.executed, self.replicate, self._basis(level), float(max(self.df(level), 1))
-            )
-        return self._walks[level]
+    def walks(self, level: Level, *, wide: bool = False) -> Walks:
+        """Likelihoods of the remainder at a level, for random walks of the offset, if `wide` also for large ones."""
+        if (level, wide) not in self._walks:
+            df, steps = float(max(self.df(level), 1)), WIDE if wide else STEPS
+            self._walks[level, wide] = walks_of(self.executed, self.replicate, self._basis(level), df, steps)
+        return self._walks[level, wide]
 
     @cached_property
-    def _walks(self) -> dict[Level, Walks]:
+    def _walks(self) -> dict[tuple[Level, bool], Walks]:
         return {}
 
     @cached_property

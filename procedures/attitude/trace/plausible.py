@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rig.fitter.trace.search import prune, search_and_name
-from rig.fitter.trace.signs import SURE, Refused
+from rig.fitter.trace.signs import SURE, Impossible, Refused
 from rig.procedures.attitude.trace.estimate import estimate
 from rig.procedures.attitude.trace.judge import AttitudeJudge
 from rig.procedures.attitude.trace.limits import limits
@@ -34,19 +34,36 @@ def _worst(problem: Problem, chosen: tuple[int, ...]) -> Refused | None:
     k = int(np.argmax(over))
     if over[k] <= 1.0:
         return None
-    term = problem.candidates[chosen[k]]
+    return _refused(problem, Impossible(chosen[k], float(fitted.gamma[k]), float(stderr[k])))
+
+
+def outsized(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[Refused, ...]:
+    """Causes that the data suggest beside the findings, refused for their size, once per sensor or set of sensors.
+
+    The search never tries them. A cause that is found with another term is none of them.
+    """
+    known = {(one.effect, one.sensors): one for one in judge.oversized}
+    named = {judge.candidates[j].effect.name for j in chosen}
+    for found in judge.outsized(chosen):
+        one = _refused(judge.problem, found)
+        if one.effect not in named:
+            known.setdefault((one.effect, one.sensors), one)
+    return tuple(known.values())
+
+
+def _refused(problem: Problem, found: Impossible) -> Refused:
+    term = problem.candidates[found.candidate]
     concerned = tuple(problem.sensors) if term.sensor is None else (term.sensor,)
-    slope = problem.fits[concerned[0]].parameters.S_V
-    name, value, error = term.term.name, float(fitted.gamma[k]), float(stderr[k])
+    slope, name = problem.fits[concerned[0]].parameters.S_V, term.term.name
     assert term.effect.largest is not None
     return Refused(
         effect=term.effect.name,
         instead_of="",
         sensors=concerned,
         quantity="size",
-        value=value,
-        stderr=error,
-        size=term.effect.size({name: value}, slope, {name: error}, both=True),
+        value=found.value,
+        stderr=found.stderr,
+        size=term.effect.size({name: found.value}, slope, {name: found.stderr}, both=True),
         otherwise="",
         largest=term.effect.largest.text,
     )

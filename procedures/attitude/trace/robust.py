@@ -20,6 +20,10 @@ from rig.procedures.attitude.trace.levels import Level
 from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.score import errors, inverse, whiten
 from rig.procedures.attitude.trace.walks import SPREAD, likelihood_ratio
+from rig.procedures.attitude.trace.wander import walk_evidence
+
+WALKS = 0.05
+"""Probability of a walk in a residual by chance, below which an effect is compared with large walks too."""
 
 
 def walked(problem: Problem, columns: FloatArray) -> FloatArray:
@@ -45,9 +49,11 @@ def in_part(problem: Problem, chosen: tuple[int, ...], u: int) -> tuple[float, f
     least = min(plain, *(float(d @ inverse(meat, length2, rank) @ d) for meat in meats))
     asked = problem.levels.df(level) > 0
     against = max(_against_walks(problem, level, columns, outputs), 0.0) if asked else np.inf
-    if asked and level == "points":  # without the means of points a walk in random order is no walk any more
+    if asked and level == "points" and _walking(problem, outputs - columns @ (spread @ d)):
+        # without the means of points a walk is none any more, if its points come in random order
         white = whiten(problem, "replications", chosen, errors(problem, chosen), problem.units[u])
-        against = min(against, max(_against_walks(problem, "replications", white.columns, white.outputs), 0.0))
+        wide = _against_walks(problem, "replications", white.columns, white.outputs, wide=True)
+        against = min(against, max(wide, 0.0))
     return plain, least / plain, against
 
 
@@ -77,9 +83,17 @@ def _scatter(
     return products, d, spread, meats
 
 
-def _against_walks(problem: Problem, level: Level, columns: FloatArray, outputs: FloatArray) -> float:
+def _against_walks(
+    problem: Problem, level: Level, columns: FloatArray, outputs: FloatArray, *, wide: bool = False
+) -> float:
     """Twice the log-likelihood ratio to a random walk."""
     moved = np.flatnonzero(np.any(columns != 0, axis=(1, 2)))
     # a shape that repeats in every replication is not a random walk, even if it is smooth in time
-    spread = SPREAD if level == problem.levels.of_error else 1.0
-    return likelihood_ratio(problem.levels.walks(level), list(outputs[moved]), list(columns[moved]), spread)
+    spread = SPREAD if wide or level == problem.levels.of_error else 1.0
+    walks = problem.levels.walks(level, wide=wide)
+    return likelihood_ratio(walks, list(outputs[moved]), list(columns[moved]), spread)
+
+
+def _walking(problem: Problem, left: FloatArray) -> bool:
+    """Whether a residual (S, n) within replications walks in any sensor."""
+    return any(walk_evidence(problem, one)[0] < WALKS for one in left)

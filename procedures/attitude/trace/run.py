@@ -26,7 +26,7 @@ from rig.procedures.attitude.trace.findings import residual_of, sensor_trace
 from rig.procedures.attitude.trace.judge import AttitudeJudge
 from rig.procedures.attitude.trace.make_problem import make_problem
 from rig.procedures.attitude.trace.outliers import outliers
-from rig.procedures.attitude.trace.plausible import plausible
+from rig.procedures.attitude.trace.plausible import outsized, plausible
 from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.restarts import search_with_restarts
 from rig.procedures.attitude.trace.result import Trace
@@ -109,7 +109,7 @@ def trace(
     taken_out = estimate(problem, found, inside) if any(inside) else after
     classes = {name: judge.rivals(found, name) for name in names_of(problem.candidates, found)}
     wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
-    wrong = (*judge.oversized, *wrong)
+    wrong = (*outsized(judge, found), *wrong)
     unmodelled = UnmodelledSmooth(problem, found)
     doubts = doubts_of(unmodelled) | led_by_history(judge, found)
     sensors = {

@@ -18,9 +18,11 @@ from scipy.linalg.lapack import dtbtrs
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 
-STEPS = (0.0, 1e-5, 6e-5, 3.6e-4, 2.2e-3, 1.3e-2, 8e-2, 0.5, 4.0)
-"""Tried mean square steps of a walk between observations, over the variance of the scatter. Without the largest two,
-errors of readings that remember the one before by 0.97 looked like steps in 3 of 10 runs, with them in none.
+STEPS = (0.0, 1e-5, 6e-5, 3.6e-4, 2.2e-3, 1.3e-2, 8e-2)
+"""Tried mean square steps of a walk between observations, over the variance of the scatter."""
+WIDE = (*STEPS, 0.5, 4.0)
+"""The same where a walk is seen. Without the largest two, errors of readings that remember the one before by 0.97
+looked like steps in 3 of 10 runs, with them in none. A large shape that repeats in every replication would be one, too.
 """
 SPREAD = 1.5
 """Inflation of the ratio relative to chi squared for a walk, because its width is unknown: 1.1 to 1.9 by simulation of
@@ -50,7 +52,7 @@ class Walks:
     Attributes:
         rows: (n,) rows in the order of running.
         across: (n - 1,) differences across the start of a replication, which are not used.
-        widths: one for each of `STEPS`.
+        widths: one for each mean square step.
         df: degrees of freedom of the level.
     """
 
@@ -76,7 +78,9 @@ class Walks:
         return np.asarray(-0.5 * self.df * np.log(np.maximum(rss, np.finfo(float).tiny)) - determinant.reshape(shape))
 
 
-def walks_of(rows: IntArray, replicate: IntArray, taken: FloatArray, df: float) -> Walks:
+def walks_of(
+    rows: IntArray, replicate: IntArray, taken: FloatArray, df: float, steps: Sequence[float] = STEPS
+) -> Walks:
     """Factor the covariance for every width.
 
     Args:
@@ -84,12 +88,13 @@ def walks_of(rows: IntArray, replicate: IntArray, taken: FloatArray, df: float) 
         replicate: (n,) replication of each row.
         taken: (n, k) basis of the model.
         df: degrees of freedom beside it.
+        steps: mean square steps, over the variance of the scatter.
     """
     across = np.diff(replicate[rows]) != 0
     below = np.append(np.where(across[:-1] | across[1:], 0.0, -1.0), 0.0)
     moves = orthonormal(np.where(across[:, None], 0.0, np.diff(taken[rows], axis=0)), tolerance=1e-6)
     widths: list[Width] = []
-    for step in STEPS:
+    for step in steps:
         factor = cholesky_banded(np.stack([np.where(across, 1.0, 2.0 + step), below]), lower=True, check_finite=False)
         basis, triangle = qr(dtbtrs(factor, moves, uplo="L")[0], mode="economic", check_finite=False, overwrite_a=True)
         determinant = float(np.sum(np.log(factor[0])) + np.sum(np.log(np.abs(np.diag(triangle)))))
