@@ -198,9 +198,12 @@ def around(run: InRun, sigma: FloatArray, middle: Middle) -> tuple[InStrata, lis
         middle: the middle one.
     """
     grid = run.grid(middle)
+    # a gross error in one sensor gives common candidates other weights, until it is left out
+    shares = np.log(sigma**2) - np.mean(np.log(sigma**2))
     sigma, noise = sigma / run.unit, run.problem.noise
     assert isinstance(noise, OfStrata)
-    noise = replace(noise, weight=grid.factor * sigma[run.of] ** -2.0, price=grid.price, shape=grid.shape)
+    shape = np.column_stack([grid.shape, np.tile(shares, (len(grid.every), 1))])
+    noise = replace(noise, weight=grid.factor * sigma[run.of] ** -2.0, price=grid.price, shape=shape)
     length = np.sqrt(np.sum((run.length / sigma[:, None]) ** 2, axis=0))
     return run.problem.under(noise, length), grid.every
 
