@@ -32,7 +32,7 @@ def made(seed=1):
     own = np.arange(width)
     between = Stratum.of_rows(own, means.T @ columns, means.T @ y)
     left, rest = columns - means @ (means.T @ columns), y - means @ (means.T @ y)
-    within = Stratum(own, left.T @ rest, float(rest @ rest), float(point.size - POINTS), left.T @ left)
+    within = Stratum(own, left.T @ rest, float(rest @ rest), float(point.size - POINTS), np.pad(left.T @ left, (0, 1)))
     weight = np.column_stack([np.ones(3), 1.0 / (1.0 + RATIOS)])
     effects = [SimpleNamespace(name=f"effect {k}", source="setting") for k in range(len(WIDTHS))]
     none = np.empty(0)

@@ -32,7 +32,7 @@ class Stratum:
         response: (d,) products of these with the response.
         square: sum of squares of the response.
         df: degrees of freedom.
-        columns: (d, d) products of the columns; None if rows are known.
+        columns: (d + 1, d + 1) products of the columns, with zeros last for all others; None if rows are known.
         rows: (r, d) with these products, of a stratum that has few.
         whole: (d,) lengths of the columns before anything was taken out of them; None if they are those of `columns`.
     """
@@ -66,11 +66,10 @@ class Stratum:
     def padded(self) -> FloatArray:
         """(d + 1, ...) products of columns, or their rows, with zeros for all other columns."""
         if self.columns is not None:
-            return np.pad(self.columns, (0, 1))
+            return self.columns
         assert self.rows is not None
         return np.pad(self.rows.T, ((0, 1), (0, 0)))
 
-    @cached_property
     def root(self) -> FloatArray:
         """(r, d) whose product with itself is that of the columns; r is at most the degrees of freedom.
 
@@ -80,9 +79,10 @@ class Stratum:
         if self.rows is not None:
             return self.rows
         assert self.columns is not None
-        size = np.sqrt(np.maximum(np.diag(self.columns), 0.0)) if self.whole is None else self.whole
+        columns = self.columns[:-1, :-1]
+        size = np.sqrt(np.maximum(np.diag(columns), 0.0)) if self.whole is None else self.whole
         over = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
-        triangle, order, rank, _ = dpstrf(self.columns * over * over[:, None], tol=1e-10, lower=False)
+        triangle, order, rank, _ = dpstrf(columns * over * over[:, None], tol=1e-10, lower=False)
         rank = min(rank, round(self.df))
         out = np.zeros((rank, len(size)))
         out[:, order - 1] = np.triu(triangle)[:rank]
@@ -319,7 +319,7 @@ class InStrata(Problem):
         for k, one in enumerate(self.strata):
             if one.rows is not None:
                 same.setdefault(id(one.own), []).append(k)
-        each = [(self.strata[of[0]].own, of, [self.strata[k].root for k in of]) for of in same.values()]
+        each = [(self.strata[of[0]].own, of, [self.strata[k].root() for k in of]) for of in same.values()]
         return tuple((own, of, (np.concatenate(rows) / self.scale[own]).astype(np.float32)) for own, of, rows in each)
 
 
@@ -351,15 +351,15 @@ class Drawn(NamedTuple):
     squares: FloatArray
 
 
-def draw(problem: InStrata, at: int, rng: np.random.Generator, count: int) -> list[Drawn]:
-    """For each stratum m draws under a covariance.
+def draw(problem: InStrata, at: int, rng: np.random.Generator, count: int, roots: Sequence[FloatArray]) -> list[Drawn]:
+    """For each stratum, with its `root`, m draws under a covariance.
 
     They are divided by the scatter that each draw shows, as a run's errors are: with few degrees of freedom it may be
     far from the true one.
     """
     out = []
-    for one, weight in zip(problem.strata, problem.weight[at].tolist(), strict=True):
-        sd, root = 1.0 / np.sqrt(weight), one.root
+    for one, weight, root in zip(problem.strata, problem.weight[at].tolist(), roots, strict=True):
+        sd = 1.0 / np.sqrt(weight)
         normal = rng.standard_normal((len(root), count), dtype=np.float32) * np.float32(sd)
         squares = np.einsum("rm,rm->m", normal, normal, dtype=np.float64)
         if (rest := one.df - len(root)) > 0.0:

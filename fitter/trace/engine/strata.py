@@ -178,9 +178,11 @@ def _family(judge: StrataJudge, at: int, seed: int) -> TableFamily:
     """Scores of candidates in runs drawn with the errors of covariance `at` only."""
     problem, rng = judge.problem, np.random.default_rng(seed)
     width, n = int(problem.start[-1]), problem.n
-    near = _near(problem, np.stack([one.squares for one in draw(problem, at, rng, TRIED)]), at)
+    roots = [one.root() for one in problem.strata]
+    near = _near(problem, np.stack([one.squares for one in draw(problem, at, rng, TRIED, roots)]), at)
     count = int(np.clip(WORK / max(width * len(near), 1), FEWEST, MOST))
-    drawn = draw(problem, at, rng, count)
+    drawn = draw(problem, at, rng, count, roots)
+    del roots
     total = problem.weight[near] @ np.stack([one.squares for one in drawn])
     deviance = n * np.log(np.maximum(total, _TINY)) + problem.noise.log_det[near, None]
     size = np.exp((deviance - deviance[0]) / n)

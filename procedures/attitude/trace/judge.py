@@ -185,8 +185,9 @@ class AttitudeJudge:
         return {}
 
     def forget(self) -> None:
-        """Drop the products of the last explanations; they are computed again if they are asked for."""
+        """Drop the products of the last explanations, and the engines; they are made again if they are asked for."""
         self._known_products.clear()
+        self.problem.engines.clear()
 
     def _reachable(self, products: Products, found: Sequence[Rival]) -> list[bool]:
         """Whether each explanation needs no coefficient that is impossibly large."""

@@ -10,7 +10,7 @@ offsets of replications nor lack of fit can be taken for them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -145,8 +145,10 @@ class Levels:
     def walks(self, level: Level, *, wide: bool = False) -> Walks:
         """Likelihoods of the remainder at a level, for random walks of the offset, if `wide` also for large ones."""
         if (level, wide) not in self._walks:
+            known = self.walks(level).widths if wide else ()
             df, steps = float(max(self.df(level), 1)), WIDE if wide else STEPS
-            self._walks[level, wide] = walks_of(self.executed, self.replicate, self._basis(level), df, steps)
+            more = walks_of(self.executed, self.replicate, self._basis(level), df, steps[len(known) :])
+            self._walks[level, wide] = replace(more, widths=(*known, *more.widths))
         return self._walks[level, wide]
 
     @cached_property

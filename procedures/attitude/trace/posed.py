@@ -270,7 +270,7 @@ def _between_points(problem: Problem, i: int, unit: float, columns: IntArray, ow
 def _stratum(problem: Problem, level: Level, i: int, unit: float, columns: IntArray, own: IntArray) -> Stratum:
     """Products of one sensor at a level; rounding is error, too."""
     known, df = problem.products[level], float(problem.levels.df(level))
-    place = known.place[i][columns[own]]
+    place = np.append(known.place[i][columns[own]], -1)  # where they have zeros
     gram = np.asarray(known.own[i][place[:, None], place])
     gram /= unit**2
     square = (float(known.square[i]) + max(df, 0.0) * float(rounding(problem)[i]) ** 2) / unit**2

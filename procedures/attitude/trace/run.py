@@ -102,14 +102,17 @@ def trace(
     search = Search((*catalogue, *UNNAMED) if unnamed else tuple(catalogue), temperature, unnamed)
     aside, judge, found, not_kept = _without_outliers(data, search)
     problem = judge.problem
-    judge.forget()  # the searches of parts, which take most memory, come while least is kept of the whole run
-    cv = left_out(problem.scene.data, search, anything=bool(found)) if validate else None
+    cv = None
+    if validate:
+        judge.forget()  # the searches of parts, which take most memory, come while least is kept of the whole run
+        cv = left_out(problem.scene.data, search, anything=bool(found))
     before, after = estimate(problem, ()), estimate(problem, found)
     inside = left_in(judge, found, problem.sensors, stated(before), lambda one: stated(estimate(problem, found, one)))
     taken_out = estimate(problem, found, inside) if any(inside) else after
     classes = {name: judge.rivals(found, name) for name in names_of(problem.candidates, found)}
     wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
     wrong = (*outsized(judge, found), *wrong)
+    judge.forget()  # shapes without a name take as much memory
     unmodelled = UnmodelledSmooth(problem, found)
     doubts = doubts_of(unmodelled) | led_by_history(judge, found)
     sensors = {
