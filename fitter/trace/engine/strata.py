@@ -106,7 +106,7 @@ class StrataJudge(TableJudge):
         weight, columns = problem.weight[beside.best] * factor / beside.sigma2[beside.best], problem.picked(order)
         products = np.tensordot(weight, problem.each(columns[:, None], columns), 1)
         own = len(columns) - len(problem.picked((j,)))
-        root = rooted(products, np.sqrt(np.diag(products)))
+        root = rooted(products, np.sqrt(np.maximum(np.diag(products), _TINY)))
         return float(np.sum((root @ (weight @ problem.each_dots(columns)))[own:] ** 2))
 
     def damped(self, chosen: tuple[int, ...], j: int, factor: FloatArray) -> float:

@@ -61,11 +61,6 @@ class Products:
         rows, across = np.asarray(these, np.int64), np.asarray(those, np.int64)
         return np.stack([own[at[rows], at[across]] for own, at in zip(self.own, self.place, strict=True)])
 
-    def of_all(self, i: int) -> FloatArray:
-        """(J, J) products of all columns with one another, in one sensor."""
-        at = self.place[i]
-        return np.asarray(self.own[i][at[:, None], at])
-
     @property
     def squares(self) -> FloatArray:
         """(S, J) products of columns with themselves."""
@@ -123,25 +118,9 @@ class Problem:
         return tuple(where[j] for j in range(len(self.candidates)))
 
     @cached_property
-    def units_alike(self) -> tuple[tuple[Level, IntArray, IntArray], ...]:
-        """Units of one level and one number of columns q, (m,), and their candidates (m, q)."""
-        groups: dict[tuple[Level, int], list[int]] = {}
-        for u, unit in enumerate(self.units):
-            groups.setdefault((self.judged_at[unit[0]], len(unit)), []).append(u)
-        return tuple(
-            (level, np.array(same, np.int64), np.array([self.units[u] for u in same], np.int64))
-            for (level, _), same in groups.items()
-        )
-
-    @cached_property
     def causes(self) -> tuple[tuple[str, str | None], ...]:
         """(U,) cause of each unit's candidates."""
         return tuple(self.candidates[unit[0]].cause for unit in self.units)
-
-    @cached_property
-    def any_value(self) -> frozenset[str]:
-        """Effects with a searched constant that can have any value, not only that of one of a few boundaries."""
-        return frozenset(c.effect.name for c in self.candidates if c.term.finer is not None)
 
     @cached_property
     def estimates(self) -> dict[tuple[int, ...], Any]:

@@ -1,13 +1,4 @@
-"""Score of each unit of candidates beyond the present model, against the error of its own stratum.
-
-Outputs are divided by their own point-by-replication error, so that sensors have equal weight. A unit is one column, or
-several that are judged together (sine and cosine of one frequency). Its score is Wald's F, the square of Student's t
-for one column, with the largest of several errors:
-
-- the point-by-replication error; between points the lack of fit instead, if more than error remains there after the
-  unit, so that an unknown cause does not add effects that slightly resemble it;
-- for those near significance, also the errors of `robust.py`.
-"""
+"""Scatter of each sensor's readings beside a model, and products of candidates over it at one level."""
 
 from __future__ import annotations
 
