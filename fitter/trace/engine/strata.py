@@ -164,7 +164,8 @@ class StrataJudge(TableJudge):
         assert isinstance(self.problem.noise, OfStrata)
         shape = np.maximum(self.problem.noise.shape[at], -np.log(LARGE))
         for known, found in self.simulated:
-            if np.max(np.abs(known - shape), initial=0.0) <= np.log(LIKE):
+            # a part of a run may have fewer components
+            if known.shape == shape.shape and np.max(np.abs(known - shape), initial=0.0) <= np.log(LIKE):
                 return found
         self.simulated.append((shape, _family(self, at, seed=1 + len(self.simulated))))
         return self.simulated[-1][1]
