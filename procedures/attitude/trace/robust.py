@@ -24,6 +24,8 @@ from rig.procedures.attitude.trace.wander import walk_evidence
 
 WALKS = 0.05
 """Probability of a walk in a residual by chance, below which an effect is compared with large walks too."""
+MOST = 100.0
+"""Logarithm of a ratio beyond which more makes no difference."""
 
 
 def walked(problem: Problem, columns: FloatArray) -> FloatArray:
@@ -86,12 +88,14 @@ def _scatter(
 def _against_walks(
     problem: Problem, level: Level, columns: FloatArray, outputs: FloatArray, *, wide: bool = False
 ) -> float:
-    """Twice the log-likelihood ratio to a random walk."""
+    """Sum of squares, over scatter, that amounts to the likelihood ratio to a random walk."""
     moved = np.flatnonzero(np.any(columns != 0, axis=(1, 2)))
     # a shape that repeats in every replication is not a random walk, even if it is smooth in time
     spread = SPREAD if wide or level == problem.levels.of_error else 1.0
-    walks = problem.levels.walks(level, wide=wide)
-    return likelihood_ratio(walks, list(outputs[moved]), list(columns[moved]), spread)
+    walks, n = problem.levels.walks(level, wide=wide), len(moved) * problem.levels.df(level)
+    ratio = likelihood_ratio(walks, list(outputs[moved]), list(columns[moved]), spread)
+    # a likelihood ratio grows with the logarithm of what a large effect explains
+    return float(n * np.expm1(min(ratio / n, MOST)))
 
 
 def _walking(problem: Problem, left: FloatArray) -> bool:
