@@ -255,7 +255,7 @@ def test_a_library_that_is_missing_is_named_with_what_installs_it(monkeypatch, l
         getattr(rig.open(ATTITUDE).table, f"to_{library}")()
 
 
-def test_figures_are_those_of_the_report(tmp_path, table, pressure, few_draws):
+def test_figures_are_those_of_the_report(tmp_path, table, pressure):
     for result in (rig.open(table).trace(**GENERAL), rig.open(pressure).fit()):
         plots = result.plot()
         assert plots
@@ -418,7 +418,7 @@ readings = 4
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch, table, few_draws):
+def folder(tmp_path, monkeypatch, table):
     """The folder of all examples: a run, tables, a procedure on a bench, readings."""
     shutil.copy(ATTITUDE, tmp_path / "night.sqlite")
     shutil.copy(table, tmp_path / "line.csv")
