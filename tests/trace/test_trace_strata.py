@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from proving.truth.attitude import D1, simulate
+from proving.truth.attitude import D1, Plan, simulate
 from proving.truth.attitude_hidden import CLEAN, HIDDEN, sized
 from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, Stratum
 from rig.fitter.trace.engine.problem import Candidate
@@ -14,6 +14,9 @@ from rig.fitter.trace.engine.strata import StrataJudge
 from rig.fitter.trace.engine.term import TableTerm
 from rig.procedures.attitude.effects import CATALOGUE
 from rig.procedures.attitude.trace import trace
+from rig.procedures.attitude.trace.make_problem import make_problem
+from rig.procedures.attitude.trace.posed import scatters_alike
+from rig.procedures.attitude.trace.robust import in_part
 
 POINTS, VISITS, WIDTHS = 12, 4, (1, 2, 1, 1)
 RATIOS = np.array([0.0, 1.0, 6.0])
@@ -144,6 +147,29 @@ def test_offsets_that_walk_are_no_drift():
             one.effects for one in trace(simulate(bench, plan, seed)[0], drifts, validate=False).sensors.values()
         )
     assert found <= 3
+
+
+FEW = Plan(np.array([-30.0, 0.0, 30.0]), np.array([-90.0, 0.0, 90.0, 180.0]), replications=2)
+
+
+def test_a_cause_that_few_readings_repeat_is_no_walk():
+    """What a likelihood of few readings costs is no part of what a walk takes away."""
+    data = simulate(replace(CLEAN, compliance={("y", "x"): 1.5e-3}), FEW, 1001)[0]
+    problem = make_problem(data, CATALOGUE)
+    pads = [u for u, (name, _) in enumerate(problem.causes) if name == "isolation-pad-deflection"]
+    plain, _, against = max(in_part(problem, (), u) for u in pads)
+    assert against > 0.9 * plain > 50.0
+
+
+def test_sensors_have_one_scatter_until_the_data_say_otherwise():
+    """Beside errors of another size in one of them they do, and few readings say nothing against one."""
+    x, *others = CLEAN.sensors
+    noisy = replace(CLEAN, sensors=(replace(x, S=3.0 * x.S), *others))
+    alike = [
+        scatters_alike(make_problem(simulate(bench, plan, 5)[0], CATALOGUE))
+        for bench, plan in ((CLEAN, FEW), (CLEAN, PLAN), (noisy, FEW), (noisy, PLAN))
+    ]
+    assert alike == [True, True, False, False]
 
 
 def test_nothing_is_named_in_a_run_without_effects():

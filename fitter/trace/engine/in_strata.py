@@ -1,4 +1,4 @@
-"""Products of candidates' columns in strata of independent errors, and draws of them."""
+"""Products of candidates' columns in strata of independent errors."""
 
 from __future__ import annotations
 
@@ -141,6 +141,7 @@ class InStrata(Problem):
         part: (L,) number of each stratum's part: strata of one part have one mean square.
         scatter: (L,) the stratum of the same rows whose errors are scatter alone.
         of_error: (L,) whether a stratum is one of those whose mean square was the scatter of these rows.
+        pooled: whether the scatter is that of all rows.
     """
 
     strata: tuple[Stratum, ...] = field(kw_only=True)
@@ -148,10 +149,11 @@ class InStrata(Problem):
     part: IntArray = field(kw_only=True)
     scatter: IntArray = field(kw_only=True)
     of_error: BoolArray = field(kw_only=True)
+    pooled: bool = field(default=False, kw_only=True)
 
-    def under(self, noise: OfStrata, length: FloatArray) -> InStrata:
+    def under(self, noise: OfStrata, length: FloatArray, *, pooled: bool) -> InStrata:
         """The same under other variances, with what does not depend on them."""
-        other = replace(self, noise=noise, length=length)
+        other = replace(self, noise=noise, length=length, pooled=pooled)
         vars(other).update(start=self.start, alike=self.alike, blocks=self.blocks, rowed=self.rowed, named=self.named)
         vars(other).update(scale=self.scale, _alike=self._alike, _responses=self._responses)
         vars(other).update(signs=self.signs, most=self.most, price=self.price, bounded=self.bounded)
@@ -335,63 +337,6 @@ class Fitted(NamedTuple):
     value: FloatArray
     covariance: FloatArray
     df: FloatArray
-
-
-class Drawn(NamedTuple):
-    """Errors of a stratum.
-
-    Attributes:
-        normal: (r, m) along its `root`.
-        dots: (d, m) their products with its columns over their `scale`; none where it has few rows.
-        squares: (m,) their sums of squares, with those of what no column has a part of.
-    """
-
-    normal: Single
-    dots: Single
-    squares: FloatArray
-
-
-def draw(problem: InStrata, at: int, rng: np.random.Generator, count: int, roots: Sequence[FloatArray]) -> list[Drawn]:
-    """For each stratum, with its `root`, m draws under a covariance.
-
-    They are divided by the scatter that each draw shows, as a run's errors are: with few degrees of freedom it may be
-    far from the true one.
-    """
-    out = []
-    for one, weight, root in zip(problem.strata, problem.weight[at].tolist(), roots, strict=True):
-        sd = 1.0 / np.sqrt(weight)
-        normal = rng.standard_normal((len(root), count), dtype=np.float32) * np.float32(sd)
-        squares = np.einsum("rm,rm->m", normal, normal, dtype=np.float64)
-        if (rest := one.df - len(root)) > 0.0:
-            squares = squares + rng.chisquare(rest, count) * sd**2
-        few = one.rows is not None
-        dots = normal[:0] if few else (root / problem.scale[one.own]).T.astype(np.float32) @ normal
-        out.append(Drawn(normal, dots, squares))
-    weights = problem.weight[at]
-    for base in np.unique(problem.scatter).tolist():
-        mine = np.flatnonzero(problem.scatter == base)
-        told = [k for k in mine.tolist() if problem.of_error[k]]
-        shown = sum(float(weights[k]) * out[k].squares for k in told)
-        df = sum(problem.strata[k].df for k in told)
-        if df > 0.0:
-            each = df / np.maximum(shown, _TINY)
-            single = np.sqrt(each).astype(np.float32)
-            for k in mine.tolist():
-                np.multiply(out[k].normal, single, out=out[k].normal)
-                np.multiply(out[k].dots, single, out=out[k].dots)
-                np.multiply(out[k].squares, each, out=out[k].squares)
-    return out
-
-
-def summed(problem: InStrata, drawn: Sequence[Drawn], weight: FloatArray) -> Single:
-    """(D, m) products of all columns, over their `scale`, with drawn errors under the variances of strata (L,)."""
-    out = np.zeros((int(problem.start[-1]), drawn[0].normal.shape[1]), np.float32)
-    for one, errors, part in zip(problem.strata, drawn, weight.tolist(), strict=True):
-        if one.rows is None:
-            out[one.own] += np.float32(part) * errors.dots
-    for own, of, rows in problem.rowed:
-        out[own] += rows.T @ np.concatenate([np.float32(weight[k]) * drawn[k].normal for k in of])
-    return out
 
 
 def rooted(products: FloatArray, length: FloatArray) -> FloatArray:

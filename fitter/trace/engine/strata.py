@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.engine.drawn_strata import draw, summed
 from rig.fitter.trace.engine.family import CERTAIN, FEWEST, TableFamily, Tail, evidence
-from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, draw, rooted, summed
+from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, rooted
 from rig.fitter.trace.engine.judge import Key, TableJudge
 from rig.fitter.trace.engine.likelihood import Likelihoods, ratio
 from rig.fitter.trace.engine.noise import BoolArray

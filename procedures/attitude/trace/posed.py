@@ -20,7 +20,7 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, Stratum
 from rig.fitter.trace.engine.noise import BoolArray
 from rig.fitter.trace.engine.problem import Candidate
-from rig.fitter.trace.engine.strata import StrataJudge
+from rig.fitter.trace.engine.strata import LIKE, StrataJudge
 from rig.fitter.trace.engine.term import Profile, TableTerm
 from rig.procedures.attitude.trace.levels import Level
 from rig.procedures.attitude.trace.limits import limits
@@ -38,6 +38,10 @@ NEAR, COARSE = 2, 3
 ALONE = 6.0
 """Price, in the logarithm of the likelihood, of one sensor's parameters that differ between replications otherwise than
 those of the others.
+"""
+UNLIKE = 2.0
+"""Logarithm of the likelihood from which sensors scatter each by itself. Few readings tell each sensor's own scatter
+badly: in two replications of twelve points a cause is named half as often as with one scatter for all.
 """
 ROUNDS = 6
 """Maximum number of moves of the middle of the covariances."""
@@ -129,10 +133,13 @@ def engine_of(problem: Problem, chosen: Sequence[int]) -> StrataJudge:
     """The engine's judge of a run, with covariances about the likeliest beside the `chosen` candidates."""
     key = frozenset(chosen)
     if key not in problem.engines:
-        run, sigma, units = posed(problem), errors(problem, chosen), units_of(problem, chosen)
+        run, units, pooled = posed(problem), units_of(problem, chosen), scatters_alike(problem)
+        sigma = errors(problem, chosen)
+        if pooled:
+            sigma = np.full_like(sigma, np.sqrt(np.mean(sigma**2)))
         middle = run.none
         for _ in range(ROUNDS):
-            strata, grid = around(run, sigma, middle)
+            strata, grid = around(run, sigma, middle, pooled=pooled)
             problem.engines[key] = engine = StrataJudge(strata, simulated=problem.simulated)
             best = grid[engine.beside(units).best]
             if best == middle:
@@ -140,6 +147,12 @@ def engine_of(problem: Problem, chosen: Sequence[int]) -> StrataJudge:
             middle = best
     found: StrataJudge = problem.engines[key]
     return found
+
+
+def scatters_alike(problem: Problem) -> bool:
+    """Whether the data say nothing against one scatter of all sensors, in volts (Bartlett)."""
+    own, df = errors(problem, ()) ** 2, problem.levels.df(problem.levels.of_error)
+    return len(own) > 1 and bool(0.5 * df * np.sum(np.log(np.mean(own) / own)) < UNLIKE)
 
 
 def units_of(problem: Problem, chosen: Sequence[int]) -> tuple[int, ...]:
@@ -187,7 +200,7 @@ def _posed(problem: Problem) -> InRun:
     return InRun(found, np.array(of), np.array(between, np.bool_), tuple(components), units, length, column)
 
 
-def around(run: InRun, sigma: FloatArray, middle: Middle) -> tuple[InStrata, list[Middle]]:
+def around(run: InRun, sigma: FloatArray, middle: Middle, *, pooled: bool) -> tuple[InStrata, list[Middle]]:
     """The run with covariances that differ from a middle one in one component, or in all of one kind, and these.
 
     The first one has none.
@@ -196,16 +209,17 @@ def around(run: InRun, sigma: FloatArray, middle: Middle) -> tuple[InStrata, lis
         run: the run.
         sigma: (S,) standard deviation of a reading.
         middle: the middle one.
+        pooled: whether it is one of all sensors.
     """
     grid = run.grid(middle)
     # a gross error in one sensor gives common candidates other weights, until it is left out
-    shares = np.log(sigma**2) - np.mean(np.log(sigma**2))
+    shares = np.append(np.log(sigma**2) - np.mean(np.log(sigma**2)), 2.0 * np.log(LIKE) * pooled)
     sigma, noise = sigma / run.unit, run.problem.noise
     assert isinstance(noise, OfStrata)
     shape = np.column_stack([grid.shape, np.tile(shares, (len(grid.every), 1))])
     noise = replace(noise, weight=grid.factor * sigma[run.of] ** -2.0, price=grid.price, shape=shape)
     length = np.sqrt(np.sum((run.length / sigma[:, None]) ** 2, axis=0))
-    return run.problem.under(noise, length), grid.every
+    return run.problem.under(noise, length, pooled=pooled), grid.every
 
 
 def _about(run: InRun, middle: Middle) -> Covariances:

@@ -13,6 +13,8 @@ likelihoods (`walks.py`): a walk too small to be detected in the scatter still l
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
@@ -50,7 +52,7 @@ def in_part(problem: Problem, chosen: tuple[int, ...], u: int) -> tuple[float, f
         meats.append(products + walked(problem, columns))
     least = min(plain, *(float(d @ inverse(meat, length2, rank) @ d) for meat in meats))
     asked = problem.levels.df(level) > 0
-    against = max(_against_walks(problem, level, columns, outputs), 0.0) if asked else np.inf
+    against = plain * _beside_walks(problem, level, columns, outputs) if asked else np.inf
     if asked and level == "points" and _walking(problem, outputs - columns @ (spread @ d)):
         # without the means of points a walk is none any more, if its points come in random order
         white = whiten(problem, "replications", chosen, errors(problem, chosen), problem.units[u])
@@ -85,14 +87,30 @@ def _scatter(
     return products, d, spread, meats
 
 
+def _beside_walks(problem: Problem, level: Level, columns: FloatArray, outputs: FloatArray) -> float:
+    """Share of what some columns explain that is left beside a random walk.
+
+    Both are by likelihood: of few readings it explains less than over a known scatter, walk or not.
+    """
+    still = _against_walks(problem, level, columns, outputs, steps=1)
+    return max(_against_walks(problem, level, columns, outputs), 0.0) / still if still > 0.0 else 1.0
+
+
 def _against_walks(
-    problem: Problem, level: Level, columns: FloatArray, outputs: FloatArray, *, wide: bool = False
+    problem: Problem,
+    level: Level,
+    columns: FloatArray,
+    outputs: FloatArray,
+    *,
+    wide: bool = False,
+    steps: int | None = None,
 ) -> float:
-    """Sum of squares, over scatter, that amounts to the likelihood ratio to a random walk."""
+    """Sum of squares, over scatter, that amounts to the likelihood ratio to a random walk of the first few `steps`."""
     moved = np.flatnonzero(np.any(columns != 0, axis=(1, 2)))
     # a shape that repeats in every replication is not a random walk, even if it is smooth in time
     spread = SPREAD if wide or level == problem.levels.of_error else 1.0
     walks, n = problem.levels.walks(level, wide=wide), len(moved) * problem.levels.df(level)
+    walks = replace(walks, widths=walks.widths[:steps])
     ratio = likelihood_ratio(walks, list(outputs[moved]), list(columns[moved]), spread)
     # a likelihood ratio grows with the logarithm of what a large effect explains
     return float(n * np.expm1(min(ratio / n, MOST)))
