@@ -98,12 +98,14 @@ class OfStrata(Independent):
         df: (L,) its degrees of freedom.
         price: (G,) in nats, of covariances that are unlikely beforehand.
         shape: (G, C) logarithms of what tells covariances apart, by which a simulation is used for another.
+        held: (C,) which of these are as without a candidate where its errors are those beside it.
     """
 
     weight: FloatArray = field(kw_only=True)
     df: FloatArray = field(kw_only=True)
     price: FloatArray = field(default_factory=lambda: np.zeros(1), kw_only=True)
     shape: FloatArray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
+    held: BoolArray = field(default_factory=lambda: np.zeros(0, np.bool_), kw_only=True)
 
     @property
     def prior(self) -> FloatArray:

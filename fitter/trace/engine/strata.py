@@ -37,6 +37,8 @@ LIKE = 4.0
 """Ratio of a stratum's variances up to which two covariances give scores about the same distribution by chance."""
 LARGE = 50.0
 """Variance over scatter beyond which a larger one makes no difference."""
+SAME = 1e-9
+"""Difference of logarithms that is rounding."""
 TRIED = 60
 _TINY = np.finfo(float).tiny
 Single = NDArray[np.float32]
@@ -95,11 +97,28 @@ class StrataJudge(TableJudge):
         return self.judge(chosen, j, *self.scored(chosen, j), most)
 
     def scored(self, chosen: tuple[int, ...], j: int) -> tuple[float, int, int]:
-        """F equivalent to the likelihood ratio of `j` beside those `chosen`, its columns, and degrees of freedom."""
+        """F of `j` beside those `chosen`, its columns, and degrees of freedom.
+
+        The larger one of that by the likelihood ratio, and that in the errors beside it: a cause that explains all of a
+        lack of fit leaves none.
+        """
         trial, every = self._trial(chosen, j), np.ones(len(self.problem.weight), np.bool_)
         scores = self._scores(trial.beside.best, chosen)
         rank, df = int(scores.rank[j]), int(scores.df[j])
-        return (ratio(trial.without, trial.beside, (every, every), rank, df) if rank else 0.0), rank, df
+        if not rank:
+            return 0.0, rank, df
+        in_its_errors = float(self._scores(self._beside_it(chosen, j), chosen).ratio[j])
+        return max(ratio(trial.without, trial.beside, (every, every), rank, df), in_its_errors), rank, df
+
+    def _beside_it(self, chosen: tuple[int, ...], j: int) -> int:
+        """The likeliest errors beside `j` that cost nothing, with what is held as it is without it."""
+        noise = self.problem.noise
+        assert isinstance(noise, OfStrata)
+        free = np.broadcast_to(noise.price == 0.0, len(self.problem.weight))
+        if noise.held.any():
+            held = noise.shape[:, noise.held]
+            free = free & np.all(np.abs(held - held[self.beside(chosen).best_of(free)]) < SAME, axis=1)
+        return self._trial(chosen, j).beside.best_of(free)
 
     def explained(self, chosen: tuple[int, ...], j: int, factor: FloatArray) -> float:
         """What `j` explains beside those `chosen`, in variances, with (L,) other weights of strata in proportion."""
@@ -116,15 +135,13 @@ class StrataJudge(TableJudge):
         return min(self.explained(chosen, j, factor) / max(gained, _TINY), 1.0)
 
     def judge(self, chosen: tuple[int, ...], j: int, f: float, rank: int, df: int, most: float = np.inf) -> float:
-        """Family-wise p of such an F of `j` beside those `chosen`, by the likeliest errors that cost nothing."""
+        """Family-wise p of such an F of `j` beside those `chosen`, in the errors beside it."""
         if rank == 0 or f <= 0.0:
             return 1.0
-        assert isinstance(self.problem.noise, OfStrata)
-        free = np.broadcast_to(self.problem.noise.price == 0.0, len(self.problem.weight))
         own, name = float(evidence(np.array(f), rank, df)), self.candidates[j].effect.name
         if own > CERTAIN and self.simulated:
             return self.simulated[0][1].adjust(name, own, most)
-        return self.family(self.beside(chosen).best_of(free)).adjust(name, own, most)
+        return self.family(self._beside_it(chosen, j)).adjust(name, own, most)
 
     def _scores(self, at: int, chosen: tuple[int, ...]) -> Scores:
         return self.everything(at, tuple(sorted(chosen)))[0]

@@ -217,7 +217,9 @@ def around(run: InRun, sigma: FloatArray, middle: Middle, *, pooled: bool) -> tu
     sigma, noise = sigma / run.unit, run.problem.noise
     assert isinstance(noise, OfStrata)
     shape = np.column_stack([grid.shape, np.tile(shares, (len(grid.every), 1))])
-    noise = replace(noise, weight=grid.factor * sigma[run.of] ** -2.0, price=grid.price, shape=shape)
+    held = np.zeros(shape.shape[1], np.bool_)
+    held[: len(run.components)] = [one.kind.startswith(PARAMETER) for one in run.components]
+    noise = replace(noise, weight=grid.factor * sigma[run.of] ** -2.0, price=grid.price, shape=shape, held=held)
     length = np.sqrt(np.sum((run.length / sigma[:, None]) ** 2, axis=0))
     return run.problem.under(noise, length, pooled=pooled), grid.every
 
