@@ -107,5 +107,5 @@ def budget(
         show(found.blocks() if full else in_short(found), out)
         if not full:
             out.print("\neach result with its budget: --full; with pictures: --report FILE.html")
-    show_notes(found)
+    show_notes(found, () if as_json else found.lacking)
     return ExitCode.DONE

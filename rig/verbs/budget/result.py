@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ from rig.procedures.present.blocks import Block, Grid, Line, headline
 from rig.procedures.present.joined import once
 from rig.verbs.budget.evaluation import RunBudget, budget_of, run_with_register, shapes_at
 from rig.verbs.budget.found import NOT_TRACED, SIMULATED, traced_budget
+from rig.verbs.budget.in_short import headed
 from rig.verbs.budget.lacking import by_sensor
 from rig.verbs.frames import Frame, of_rows
 from rig.verbs.result import Plots, Result
@@ -54,19 +54,23 @@ class Budget(Result):
         for one, sensor, check in zip(self.found.budgets, self.found.sensors, checks, strict=True):
             yield {**_json(one, sensor), **({} if check is None else {"simulated": _simulated(check)})}
 
+    @property
+    def lacking(self) -> Sequence[str]:
+        """Notes that `blocks` has at its head."""
+        return self.found.of.stated.what_is_lacking(self.found.unstated)
+
     def blocks(self, *, each: bool = True) -> Iterable[Block]:
         """A table of results, and a budget of `each`."""
         yield headline(Path(self.found.of.table.source).name, self.found.of.table)
-        probability = self.found.budgets[0].coverage_probability
         grid = Grid(("result", "value", "expanded uncertainty", "k", "largest influence"), frame="plain", apart=2)
         for one in self.found.budgets:
             first = one.contributions[0]
             value, expanded = with_error(one.value, one.expanded_uncertainty)
             words = f"{first.name}, {100 * first.share:.0f} %"
             grid.add_row(escape(one.name), f"{value} {one.unit}", expanded, f"{one.coverage_factor:.2f}", escape(words))
-        for sentence in self.found.of.stated.what_is_lacking(self.found.unstated):
+        for sentence in self.lacking:
             yield Line(f"[bold]not in the uncertainties:[/] {escape(sentence)}")
-        yield Line(f"expanded uncertainties with a coverage probability of {100 * probability:g} %")
+        yield Line(headed(self.found.budgets))
         yield grid
         yield from _checks(self.found)
         for one in self.found.budgets if each else ():
@@ -105,18 +109,22 @@ class Budget(Result):
 
 def _budget(one: Budgeted) -> Iterator[Block]:
     _, u = with_error(one.value, one.standard_uncertainty)
-    df = rounded_df(one.df) if isfinite(one.df) and one.df < 1e5 else "infinite"
     grid = Grid(("share", "standard uncertainty", "df", "type", "influence", "traced to"), frame="plain", apart=2)
     left = 0
     for line in sorted(one.contributions, key=lambda c: -abs(c.share)):
         if abs(line.share) < SMALL:
             left += 1
             continue
-        of = f"{line.df:.0f}" if isfinite(line.df) and line.df < 1e5 else "-"
         bar = "#" * round(10 * max(line.share, 0.0))
-        cells = (f"{100 * line.share:5.1f} % {bar}", f"{line.standard_uncertainty:.2g} {one.unit}", of, line.kind)
+        cells = (
+            f"{100 * line.share:5.1f} % {bar}",
+            f"{line.standard_uncertainty:.2g} {one.unit}",
+            rounded_df(line.df),
+            line.kind,
+        )
         grid.add_row(*cells, escape(line.name), escape(line.source))
-    yield Line(f"\n[bold]{escape(one.name)}[/]: standard uncertainty {u} {one.unit}, effective degrees of freedom {df}")
+    df = f"effective degrees of freedom {rounded_df(one.df)}"
+    yield Line(f"\n[bold]{escape(one.name)}[/]: standard uncertainty {u} {one.unit}, {df}")
     yield grid
     if left:
         yield Line(f"  and {left} below 0.1 %")
