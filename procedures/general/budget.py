@@ -25,6 +25,7 @@ from rig.procedures.general.strata_of_run import (
     setting_of,
     told_of,
 )
+from rig.procedures.present.meant import meant
 from rig.procedures.tables.table import Columns, Table
 
 GRID = 33
@@ -42,7 +43,8 @@ def _abscissa(output: str, model: SensorModel, table: Table) -> str | None:
         return None
     names = Formula.parse(model.formula).names
     if model.abscissa is not None and model.abscissa not in names:
-        raise DataError(f"the model of {output}: abscissa = {model.abscissa!r} is not in its formula, {model.formula}")
+        where = f"the model of {output}: abscissa = {model.abscissa!r}"
+        raise DataError(f"{where} is not in its formula, {model.formula}{meant(model.abscissa, names)}")
     factors = [name for name in names if name in table.factors]
     return model.abscissa or (factors[0] if len(factors) == 1 and len(names) > 1 else None)
 

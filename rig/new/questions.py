@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +14,7 @@ from rig.new import instruments
 from rig.new.answers import MODELS, NONE, Answers
 from rig.new.instruments import CHAMBER, PARTS, READS, SETS
 from rig.procedures.column_names import spelled
+from rig.procedures.present.meant import nearest
 from rig.procedures.tables.table import UNITS
 from rig.units.of_instruments import TEMPERATURE_UNIT
 
@@ -289,7 +289,7 @@ def completed(given: Mapping[str, Any], where: str) -> Answers:
         except ValueError as error:
             raise UsageError(f"{where}: {question.key}: {error}") from None
     for key in flat:
-        near = difflib.get_close_matches(key, list(answers), n=1)
-        hint = f"did you mean {near[0]}?" if near else f"asked are {', '.join(answers)}"
+        near = nearest(key, answers)
+        hint = f"did you mean {near}?" if near else f"asked are {', '.join(answers)}"
         raise UsageError(f"{where}: {key} is not asked with these answers; {hint}")
     return answers

@@ -138,8 +138,8 @@ def test_plan_says_everything_in_register_and_settings_that_stops_a_certificate(
         "the serial number of cell is missing: add sensors.cell.serial in equipment.toml",
         "the customer is missing: add sensors.*.customer in equipment.toml",
         'the country of the laboratory is missing: add country = "GB" in certificate.toml',
-        "force_kN: the register states no error of what reads or sets it; add what its certificate says, if a result "
-        "depends on it",
+        "if a result depends on it: force_kN: the register states no error of what reads or sets it; add what its "
+        "certificate says",
     ]
     assert all(
         f"a certificate would be refused:[/] {one.partition('[')[0]}" in str(list(found.blocks())) for one in told

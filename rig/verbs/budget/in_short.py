@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
-from rig.fitter.budget.coverage import coverage_factor
 from rig.fitter.rounding import with_error
 from rig.procedures.evaluate.fit_in_short import MANY
 from rig.procedures.present.blocks import Block, Grid, Line, headline
-
-ROUNDED = 0.005
-"""Coverage factors that are nearer to each other are printed alike."""
+from rig.verbs.budget.coverage import with_probability
 
 if TYPE_CHECKING:
     from rig.fitter.budget import Budgeted
@@ -39,7 +36,7 @@ def of_sensors(found: RunBudget) -> Iterator[Block]:
     wanted = next((w for w in ("inferred", "output") if any(k.startswith(w) for k in kinds)), "")
     for sentence in found.of.stated.what_is_lacking(found.unstated):
         yield Line(f"[bold]not in the uncertainties:[/] {escape(sentence)}")
-    yield Line(_probability(found.budgets))
+    yield Line(with_probability(found.budgets))
     grid = Grid(("sensor", "result", "smallest", "largest", "largest influence"), frame="plain", apart=2)
     for (sensor, what), every in groups.items():
         if what.startswith(wanted):
@@ -48,18 +45,6 @@ def of_sensors(found: RunBudget) -> Iterator[Block]:
             influence = f"{first.name.partition(':')[0]}, {100 * first.share:.0f} %"
             grid.add_row(escape(sensor), escape(what), _words(low), _words(high), escape(influence))
     yield grid
-
-
-def headed(budgets: Sequence[Budgeted]) -> str:
-    """What the expanded uncertainties of these budgets are, and where their coverage factors are from."""
-    factors = [(one, coverage_factor(one.coverage_probability, one.df)) for one in budgets]
-    other = any(abs(one.coverage_factor - t) > ROUNDED for one, t in factors)
-    named = ", or of the distribution that a note names" if other else ""
-    return f"{_probability(budgets)}; k is of Student's t at the effective degrees of freedom{named}"
-
-
-def _probability(budgets: Sequence[Budgeted]) -> str:
-    return f"expanded uncertainties with a coverage probability of {100 * budgets[0].coverage_probability:g} %"
 
 
 def what_of(name: str, sensor: str) -> str:

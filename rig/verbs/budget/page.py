@@ -14,8 +14,8 @@ from rig.fitter.rounding import rounded_df, with_error
 from rig.procedures.evaluate.results import Page
 from rig.procedures.present.pictures import grid
 from rig.units.si import per_term
+from rig.verbs.budget.coverage import headed
 from rig.verbs.budget.evaluation import RunBudget
-from rig.verbs.budget.in_short import headed
 
 _SHOWN = 8
 """Maximum number of influences drawn by name; the others are one bar."""

@@ -14,9 +14,9 @@ from rig.fitter.rounding import rounded_df, with_error
 from rig.options_of_kinds import options_of
 from rig.procedures.present.blocks import Block, Grid, Line, headline
 from rig.procedures.present.joined import once
+from rig.verbs.budget.coverage import headed
 from rig.verbs.budget.evaluation import RunBudget, budget_of, run_with_register, shapes_at
 from rig.verbs.budget.found import NOT_TRACED, SIMULATED, traced_budget
-from rig.verbs.budget.in_short import headed
 from rig.verbs.budget.lacking import by_sensor
 from rig.verbs.frames import Frame, of_rows
 from rig.verbs.result import Plots, Result

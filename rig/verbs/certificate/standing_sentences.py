@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from rig.fitter.budget.coverage import coverage_factor
-from rig.verbs.budget.in_short import ROUNDED
+from rig.verbs.budget.coverage import ROUNDED
 from rig.verbs.certificate.blocks import percent
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.measured import Statement, Verdict
