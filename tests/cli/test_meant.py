@@ -52,7 +52,7 @@ def test_a_misspelled_name_is_told_with_the_one_that_was_meant(tmp_path, file, b
     ],
 )
 def test_a_misspelled_quantity_of_the_register_is_told_by_the_plan(tmp_path, before, after, near):
-    """The plan said that the register has no error of the flow, and not that it has one under a name nearly the same."""
+    """The plan said that the register has no error of the flow, not that it has one of nearly the same name."""
     plan = load_plan(*changed(tmp_path, "equipment.toml", f'quantity = "{before}"', f'quantity = "{after}"'))
     told = " ".join(stops(plan, date(2026, 6, 1)))
     assert f"gives no {after}" in told

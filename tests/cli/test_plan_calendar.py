@@ -139,7 +139,7 @@ def test_plan_says_everything_in_register_and_settings_that_stops_a_certificate(
         "the customer is missing: add sensors.*.customer in equipment.toml",
         'the country of the laboratory is missing: add country = "GB" in certificate.toml',
         "if a result depends on it: force_kN: the register states no error of what reads or sets it; add what its "
-        "certificate says",
+        "certificate says. equipment.W-1.says.0 is not used: W-1 gives no air_degC, but force_kN; correct the quantity",
     ]
     assert all(
         f"a certificate would be refused:[/] {one.partition('[')[0]}" in str(list(found.blocks())) for one in told
