@@ -18,7 +18,7 @@ from rig.contracts.declared.wire import Errors, Identity, Wire
 from rig.drivers import roles
 from rig.drivers.declared.base import Remembering
 from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
-from rig.drivers.declared.text import TextTalk
+from rig.drivers.declared.text import LineSettings, TextTalk
 from rig.drivers.driver import Medium
 from rig.drivers.errors import WrongInstrument
 from rig.drivers.numbers import decimal
@@ -95,7 +95,7 @@ class Described(Remembering):
     def _opened(self, address: str, wires: Wires) -> Talk:
         options = self._options
         self.table = table_of(options, self._roles())  # type: ignore[misc]  # of one instance
-        settings = (options.baud, options.frame, options.flow_at(address))
+        settings = LineSettings(options.baud, options.frame, options.flow_at(address))
         talk = DescribedTalk(self.table, self.name, address, settings, {}, wires, self._clock)
         talk.options, talk.number_form = options, options.number_pattern
         talk.numbers = frozenset(line(text) for key in self.numbers if (text := getattr(options, key)))

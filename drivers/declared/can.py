@@ -54,7 +54,7 @@ class CanTalk(Talk):
         table: Instrument,
         name: str,
         address: str,
-        parameters: Mapping[str, str | int],
+        parameters: Mapping[str, str | float],
         wires: Wires,
         clock: Clock,
     ) -> None:

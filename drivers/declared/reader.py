@@ -101,12 +101,16 @@ class DeclaredReader(Declared):
                     for name, reading in self._sweep().items():
                         found[name].append(reading)
         except DriverError:
+            # errors are often the reason; one that has to be cleared does not answer before
+            steps = (self._talk.raise_errors, self._give_up)
+            first, last = reversed(steps) if self.table.wire.clear else steps
             try:
-                self._talk.raise_errors()  # often the reason
+                first()
             finally:
-                self._give_up()
+                last()
             raise
-        self._talk.raise_errors()
+        if self.table.errors.each:
+            self._talk.raise_errors()
         return {name: self._of_one_form(name, readings) for name, readings in found.items()}
 
     def _of_one_form(self, name: str, readings: Sequence[tuple[str, float]]) -> list[float]:
@@ -216,7 +220,7 @@ class DeclaredReader(Declared):
 
     def _give_up(self) -> None:
         self._count = 0
-        self._talk.drain()
+        self._talk.clear()
         for command in self._reader.abort:
             self._talk.tell(command, checked=False)
         if self._reader.abort:

@@ -83,6 +83,15 @@ class Talk(ABC):
     def drain(self) -> None:  # noqa: B027
         """Listen until it is silent."""
 
+    def clear(self) -> None:
+        """Have it give up what it does, if it can be told to; listen until it is silent."""
+        self.drain()
+
+    @property
+    def remote(self) -> tuple[Tell, ...]:
+        """The command for remote control, which locks its panel; () if there is none on this wire."""
+        return ()
+
     def takes_s(self, characters: int) -> float:
         """Maximum bench seconds for this many characters on the wire."""
         return 0.0

@@ -26,6 +26,24 @@ _PERIODS = 3  # a line that is torn, one that is lost, and one more
 _MOST_ERRORS = 32  # chosen: a queue that does not end is a garbled answer
 
 
+class LineSettings(NamedTuple):
+    """Settings of a line that a bench file has.
+
+    Attributes:
+        baud: symbols per second.
+        frame: data bits, parity, stop bits.
+        flow: flow control.
+        send_end: end of a line that is sent, if it is not that of the instrument's file.
+        serial: whether the instrument's own interface is a serial one.
+    """
+
+    baud: int = 9600
+    frame: str = "8N1"
+    flow: Flow = "none"
+    send_end: bytes | None = None
+    serial: bool = True
+
+
 class _Compiled(NamedTuple):
     """A question or command with its forms made once."""
 
@@ -42,7 +60,7 @@ class TextTalk(Talk):
         table: its file.
         name: the bench's name for it.
         address: text address.
-        baud, frame, flow: as the bench file has them.
+        settings: of the line, as the bench file has them.
         parameters: by name.
         wires: where to open it.
         clock: bench time.
@@ -56,8 +74,8 @@ class TextTalk(Talk):
         table: Instrument,
         name: str,
         address: str,
-        settings: tuple[int, str, Flow],
-        parameters: Mapping[str, str | int],
+        settings: LineSettings,
+        parameters: Mapping[str, str | float],
         wires: Wires,
         clock: Clock,
     ) -> None:
@@ -73,19 +91,20 @@ class TextTalk(Talk):
         self._errors = [self._form(text) for text in table.errors.answer]
         self._skipped = [self._form(text) for text in wire.skip]
         self._begun = False
+        serial = settings.serial and self.line.rs232
+        self._clears_with_dtr = serial and wire.clear_drops_dtr
+        self._remote = (Tell(tell=wire.remote),) if wire.remote and serial else ()
 
-    def _opened(
-        self, table: Instrument, name: str, address: str, settings: tuple[int, str, Flow], wires: Wires
-    ) -> Line:
+    def _opened(self, table: Instrument, name: str, address: str, settings: LineSettings, wires: Wires) -> Line:
         """Open the line. Raises `Unreachable`."""
-        wire, (baud, frame, flow) = table.wire, settings
+        wire = table.wire
         return wires.serial(
             address,
             SerialSettings(
-                baud,
-                frame,  # type: ignore[arg-type]  # the schema has the same list
-                flow,
-                send_end=wire.send_end.encode("ascii"),
+                settings.baud,
+                settings.frame,  # type: ignore[arg-type]  # the schema has the same list
+                settings.flow,
+                send_end=wire.send_end.encode("ascii") if settings.send_end is None else settings.send_end,
                 reply_end=(wire.reply_end or wire.send_end).encode("ascii")[-1:],
                 timeout_s=wire.timeout_s,
                 sync=None if self._shared or wire.echo or wire.request != "{line}" else _sync(table),
@@ -189,7 +208,8 @@ class TextTalk(Talk):
             raw = self._query(line, ask.lines, timeout_s or ask.timeout_s, compiled.frame, repeat=repeat)
         except NoReply:
             first = self.table.identity.ask if self.table.identity is not None else None
-            if line not in (self.table.errors.ask, first):  # before it is known, it is asked nothing else
+            # before it is known, it is asked nothing else
+            if self.table.errors.each and line not in (self.table.errors.ask, first):
                 with contextlib.suppress(NoReply, BadReply):
                     self.raise_errors(line)
             raise
@@ -351,6 +371,19 @@ class TextTalk(Talk):
         if self.table.wire.protocol != "stream":
             self._begin()
             self.line.drain()
+
+    def clear(self) -> None:
+        """Have it give up what it does, if it can be told to; listen until it is silent."""
+        if self.table.wire.clear:
+            self._begin()
+            self.line.device_clear(self.table.wire.clear, with_dtr=self._clears_with_dtr)
+        else:
+            self.drain()
+
+    @property
+    def remote(self) -> tuple[Tell, ...]:
+        """The command for remote control, which locks its panel; () if there is none on this wire."""
+        return self._remote
 
     def renew(self) -> None:
         """Send the preamble again before the next line: the instrument, or its adapter, may have been off."""
