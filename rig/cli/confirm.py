@@ -137,7 +137,7 @@ def confirm(
         path, ended = _run(plan, out_dir, asked.world_s + asked.later_s if dry else 0.0, dry=dry, as_json=as_json)
         made.append(path)
         if ended is not None:
-            words = f"rig confirm {shell_word(run_file)} {' '.join(f'--by {shell_word(path)}' for path in made)}"
+            words = f"{first.command} {' '.join(f'--by {shell_word(path)}' for path in made)}"
             err.print(f"when it is complete (rig resume {escape(shell_word(path))}): {escape(words)}", soft_wrap=True)
             return ended
         told = judge(first, *made)
@@ -220,7 +220,7 @@ def _chosen(
     if not proposals:
         err.print(
             "no run of this bench is proposed: none would separate the open pairs. Sizes alone are confirmed by the "
-            f"same procedure again: rig run, then rig confirm {escape(shell_word(first.path))} --by LATER_RUN",
+            f"same procedure again: rig run, then {escape(first.command)} --by LATER_RUN",
             soft_wrap=True,
         )
     elif take > len(proposals):
@@ -246,8 +246,7 @@ def _end(told: Confirmed, about: Mapping[str, Any], report: Path | None, *, dry:
         words = " ".join(f"--after {shell_word(path)}" for path in told.paths) + (" --dry" if dry else "")
         few = f"{escape(why)}; its further runs are unlikely to decide it" if (why := about.get("unlikely")) else ""
         err.print(
-            f"{few or 'a further run may decide more'}: rig confirm "
-            f"{escape(shell_word(told.first.path))} {escape(words)}",
+            f"{few or 'a further run may decide more'}: {escape(told.first.command)} {escape(words)}",
             soft_wrap=True,
         )
     return code
