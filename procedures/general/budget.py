@@ -26,6 +26,7 @@ from rig.procedures.general.strata_of_run import (
     told_of,
 )
 from rig.procedures.present.meant import meant
+from rig.procedures.present.terms import in_words
 from rig.procedures.tables.table import Columns, Table
 
 GRID = 33
@@ -122,7 +123,8 @@ class GeneralEvaluation(EvaluationBySensor):
         formula = next(one for one in self._each if one.name == sensor).calibration.formula
         unit = spelled(unit_of(sensor))
         if isinstance(formula, Formula):
-            return f"Output in {unit}: the sum of all coefficients, each times its term, by the model {formula}"
+            model = in_words(str(formula))
+            return f"Output in {unit}: the sum of all coefficients, each times its term, by the model {model}"
         return f"Output in {unit}: {formula}"
 
     def charted(self, sensor: str) -> tuple[str, FloatArray]:

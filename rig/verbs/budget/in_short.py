@@ -11,6 +11,8 @@ from rich.markup import escape
 from rig.fitter.rounding import with_error
 from rig.procedures.evaluate.fit_in_short import MANY
 from rig.procedures.present.blocks import Block, Grid, Line, headline
+from rig.procedures.present.terms import in_words
+from rig.units.si import per_term
 from rig.verbs.budget.coverage import with_probability
 
 if TYPE_CHECKING:
@@ -43,7 +45,7 @@ def of_sensors(found: RunBudget) -> Iterator[Block]:
             low, high = (pick(every, key=lambda one: one.expanded_uncertainty) for pick in (min, max))
             first = high.contributions[0]
             influence = f"{first.name.partition(':')[0]}, {100 * first.share:.0f} %"
-            grid.add_row(escape(sensor), escape(what), _words(low), _words(high), escape(influence))
+            grid.add_row(escape(sensor), escape(in_words(what)), _words(low), _words(high), escape(influence))
     yield grid
 
 
@@ -60,4 +62,4 @@ def what_of(name: str, sensor: str) -> str:
 
 def _words(one: Budgeted) -> str:
     _, expanded = with_error(one.value, one.expanded_uncertainty)
-    return f"{expanded} {one.unit}"
+    return f"{expanded} {per_term(one.unit)}"

@@ -13,6 +13,7 @@ from rig.fitter.budget import Budgeted
 from rig.fitter.rounding import rounded_df, with_error
 from rig.procedures.evaluate.results import Page
 from rig.procedures.present.pictures import grid
+from rig.procedures.present.terms import in_words
 from rig.units.si import per_term
 from rig.verbs.budget.coverage import headed
 from rig.verbs.budget.evaluation import RunBudget
@@ -71,7 +72,7 @@ def _result(one: Budgeted) -> dict[str, Any]:
         for line in sorted(one.contributions, key=lambda c: -abs(c.share))
     ]
     return {
-        "name": one.name,
+        "name": in_words(one.name),
         "unit": per_term(one.unit),
         "value": value,
         "expanded": expanded,

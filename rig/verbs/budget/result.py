@@ -14,6 +14,8 @@ from rig.fitter.rounding import rounded_df, with_error
 from rig.options_of_kinds import options_of
 from rig.procedures.present.blocks import Block, Grid, Line, headline
 from rig.procedures.present.joined import once
+from rig.procedures.present.terms import in_words
+from rig.units.si import per_term
 from rig.verbs.budget.coverage import headed
 from rig.verbs.budget.evaluation import RunBudget, budget_of, run_with_register, shapes_at
 from rig.verbs.budget.found import NOT_TRACED, SIMULATED, traced_budget
@@ -67,7 +69,8 @@ class Budget(Result):
             first = one.contributions[0]
             value, expanded = with_error(one.value, one.expanded_uncertainty)
             words = f"{first.name}, {100 * first.share:.0f} %"
-            grid.add_row(escape(one.name), f"{value} {one.unit}", expanded, f"{one.coverage_factor:.2f}", escape(words))
+            name = escape(in_words(one.name))
+            grid.add_row(name, f"{value} {per_term(one.unit)}", expanded, f"{one.coverage_factor:.2f}", escape(words))
         for sentence in self.lacking:
             yield Line(f"[bold]not in the uncertainties:[/] {escape(sentence)}")
         yield Line(headed(self.found.budgets))
@@ -109,6 +112,7 @@ class Budget(Result):
 
 def _budget(one: Budgeted) -> Iterator[Block]:
     _, u = with_error(one.value, one.standard_uncertainty)
+    unit = per_term(one.unit)
     grid = Grid(("share", "standard uncertainty", "df", "type", "influence", "traced to"), frame="plain", apart=2)
     left = 0
     for line in sorted(one.contributions, key=lambda c: -abs(c.share)):
@@ -118,13 +122,13 @@ def _budget(one: Budgeted) -> Iterator[Block]:
         bar = "#" * round(10 * max(line.share, 0.0))
         cells = (
             f"{100 * line.share:5.1f} % {bar}",
-            f"{line.standard_uncertainty:.2g} {one.unit}",
+            f"{line.standard_uncertainty:.2g} {unit}",
             rounded_df(line.df),
             line.kind,
         )
         grid.add_row(*cells, escape(line.name), escape(line.source))
     df = f"effective degrees of freedom {rounded_df(one.df)}"
-    yield Line(f"\n[bold]{escape(one.name)}[/]: standard uncertainty {u} {one.unit}, {df}")
+    yield Line(f"\n[bold]{escape(in_words(one.name))}[/]: standard uncertainty {u} {unit}, {df}")
     yield grid
     if left:
         yield Line(f"  and {left} below 0.1 %")
