@@ -18,6 +18,7 @@ from math import exp, inf, log
 import numpy as np
 
 from rig.bench.config import FOLLOWS_S, BenchConfig
+from rig.bench.plugins import driver_class
 from rig.procedures.column_names import unit_of
 from rig.procedures.plan.conduct import Conduct, SoakSettings
 from rig.procedures.plan.run_list import RunList
@@ -44,7 +45,7 @@ class Follower:
 
     Attributes:
         ramp_degC_per_s: rate of its setpoint.
-        follows_s: time constant with which the sensors follow.
+        follows_s: time constant with which the sensors follow; 0 where nothing shows how they do.
         tolerance_degC: of what has to settle; a source that does not ramp follows, too, and its own reading counts.
 
     """
@@ -61,6 +62,8 @@ class Follower:
         """
         ramp = change_degC / self.ramp_degC_per_s
         tau = self.follows_s
+        if not tau:
+            return ramp
         behind = self.ramp_degC_per_s * tau * (1.0 - exp(-ramp / tau)) if ramp > 0 else change_degC
         lessens = _slope_over(soak.dwell_s / tau) if self.ramp_degC_per_s == inf else 1.0
         allowed = min(self.tolerance_degC, soak.drift_degC_per_h / 3600.0 * tau / lessens)
@@ -251,8 +254,16 @@ def _followers(run_list: RunList, bench: BenchConfig, soak: SoakSettings) -> Map
             continue
         rate = _rate(bench, factor.name, "ramp_degC_per_min")
         tolerance = soak.sensor_tolerance_degC if rate else min(soak.sensor_tolerance_degC, soak.tolerance_degC)
-        out[factor.name] = Follower(inf if rate is None else rate / 60.0, follows_s(bench, factor.name), tolerance)
+        tau = follows_s(bench, factor.name) if _is_read(bench, factor.name) else 0.0
+        out[factor.name] = Follower(inf if rate is None else rate / 60.0, tau, tolerance)
     return out
+
+
+def _is_read(bench: BenchConfig, factor: str) -> bool:
+    """Whether something reads what a hard factor is: a thermometer, or its instrument if that has no `read` to say."""
+    entry = bench.instruments.get(bench.setters.get(factor, ""))
+    silent = entry is not None and "read" in driver_class(entry.driver).Options.model_fields
+    return bool(bench.thermometers(factor)) or not silent or bool(entry and entry.options.get("read"))
 
 
 def follows_s(bench: BenchConfig, factor: str) -> float:

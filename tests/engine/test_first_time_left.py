@@ -11,6 +11,12 @@ from rig.runs.forecast import rehearse
 from rig.runs.plans import load_plan
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
+SILENT = (
+    'read = "READ?"',
+    "tolerance = 0.1 ",
+    '[references.chamber_degC]\nreader = "thermometer"',
+    "chamber_degC = [5, 50]",
+)
 STARTED = 'start = "SAMP:COUN {count};:INIT"'
 
 
@@ -19,6 +25,7 @@ STARTED = 'start = "SAMP:COUN {count};:INIT"'
     [
         ("flow-lab", ()),
         ("flow-lab", ("time_constant_s = 300", *[STARTED] * 4)),  # with READ? alone meters read one after another
+        ("flow-lab", SILENT),  # nothing reads the chamber: a soak is its dwell alone, and was 20 minutes more
         ("bath-lab", ()),
     ],
 )
