@@ -327,9 +327,9 @@ def _certificate(answers: Answers) -> Iterator[str]:
 
 
 def _points(answers: Answers) -> Iterator[str]:
-    """Lines of the lowest, a middle, and the highest level, with a middle of what else the model has."""
+    """Lines of the lowest, a middle, and the highest level, with a middle of what else is set."""
     name, levels = abscissa(answers), sorted(answers["levels"])
-    more = {n: sorted(v)[len(v) // 2] for n, v in modelled(answers).items() if n != name and n in answers["model"]}
+    more = {n: sorted(v)[len(v) // 2] for n, v in modelled(answers).items() if n != name}
     low, high = ends(answers)
     middle = float(f"{0.5 * (low + high):.3g}") if steers(answers) else levels[len(levels) // 2]
     for level in dict.fromkeys((low, middle, high)):
