@@ -322,6 +322,7 @@ def _certificate(answers: Answers) -> Iterator[str]:
     yield _line("number", "CAL-{year}-{next:04d}", "the next number that no certificate has")
     yield _line("country", "", "of your laboratory, two letters: GB")
     yield _line("item", "", "what you calibrate, in words: load cell, 10 kN")
+    yield _line("approved_by", "", "who approves; --approved-by says another one")
     yield from ["at = [                                # settings at which outputs are stated", *_points(answers), "]"]
     yield from ["", "[method]", _line("name", "", "your procedure, by number and title")]
 
