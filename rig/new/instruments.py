@@ -154,7 +154,7 @@ def unit_of_part(part: str, answers: Answers) -> str:
 
 
 def meters(answers: Answers) -> int:
-    """How many instruments read what is calibrated: one a sensor, if one has a single channel."""
+    """How many instruments read what is calibrated: one for each sensor, if one has a single channel."""
     name = answers["reads_with"]
     if by_hand(name):
         return 1
