@@ -14,7 +14,8 @@ from rig.sims.world import World
 
 _COMMAND_S = 0.003  # time for one line [?]
 _SILENCE_S = 0.2  # after it, what has come so far is no begin of a frame [?]
-_ENDS = {"lf": b"\n", "cr": b"\r", "crlf": b"\r\n"}
+ENDS = {"lf": b"\n", "cr": b"\r", "crlf": b"\r\n"}
+"""Ends of lines, by their names in a bench file."""
 _PRINTED = {"degC": "C", "degF": "F", "pct": "%"}
 
 
@@ -35,7 +36,7 @@ class LinesTwin(Behaviour):
         self.baud = int(str(options.get("baud", wire.baud)))
         self.frame = str(options.get("frame", wire.frame))
         self._parameters: Mapping[str, str | float] = self.table.parameters
-        self._send_end = _ENDS.get(str(options.get("line_end", "")), wire.send_end.encode("ascii"))
+        self._send_end = ENDS.get(str(options.get("line_end", "")), wire.send_end.encode("ascii"))
         self._reply_end = (wire.reply_end or wire.send_end).encode("ascii")
         self._frames = wire.frames(self._parameters)
         every = [*(ask.frame for _, ask in self.table.asks()), *(tell.frame for _, tell in self.table.tells())]
