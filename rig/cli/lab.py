@@ -55,6 +55,10 @@ def lab(
         bool, typer.Option("--remind", help="due: send what is due within 30 days over the channels of notify.toml")
     ] = False,
     rebuild: Annotated[bool, typer.Option("--rebuild", help="read every file again, also unchanged ones")] = False,
+    database: Annotated[
+        str,
+        typer.Option(envvar="RIG_DATABASE", help="keep the index there, as postgresql://rig@db/lab", show_envvar=True),
+    ] = "",
     as_json: JsonOption = False,
 ) -> int:
     """Say what is due in a laboratory, the history of an item, or which certificates rest on a piece of equipment.
@@ -74,7 +78,7 @@ def lab(
             else f"{question} of what? `rig lab item ASSET`, `rig lab recall ASSET`, or a serial or certificate number"
         )
     now = _day(today, "--today") or datetime.fromtimestamp(RealClock().utc(), UTC).date()
-    with answers.Lab.open(folder, rebuild=rebuild) as index:
+    with answers.Lab.open(folder, rebuild=rebuild, database=database) as index:
         problems = index.problems()
         match question:
             case Question.DUE:

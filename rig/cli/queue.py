@@ -149,9 +149,10 @@ def _opened(file: Path, database: str, machine: str) -> tuple[Keeps, Queue]:
         if machine:
             raise UsageError("--machine names one of those that share a queue: add --database")
         return open_queue(file)
-    from rig.queue.shared import SharedQueue  # noqa: PLC0415 - the extra may not be installed
+    from rig.database import Database  # noqa: PLC0415 - the extra may not be installed
+    from rig.queue.shared import SharedQueue  # noqa: PLC0415
 
-    shared = SharedQueue(database, machine or gethostname(), file)
+    shared = SharedQueue(Database(database), machine or gethostname(), file)
     return shared, shared.read()
 
 

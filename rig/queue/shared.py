@@ -7,28 +7,23 @@ machines. What its wire to the database does never disturbs a run: runs are proc
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import Any
 
+import sqlalchemy as sql
+
+from rig.database import WAIT_S, Database
 from rig.drivers.clock import RealClock
-from rig.errors import BusyError, RunFileError, StorageError, UsageError
+from rig.errors import RunFileError, StorageError
 from rig.queue.file import Keeps, Queue, numbered, only_worker
 from rig.run_file.chain import GENESIS, Record, StoredRow, encode, followed, link
 from rig.run_file.events.event import Event
 from rig.run_file.last_word import LastWord, head_path, read_last_word
 
-try:
-    import sqlalchemy as sql
-    from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError
-except ImportError as missing:  # pragma: no cover - the extra is installed where tests run
-    raise UsageError("a queue in a database needs the extra: pip install 'calibration-rig[postgresql]'") from missing
-
 TABLE = "rig_queue"
-_LOCK_S, _TRIES, _AGAIN_S = 10, 3, 1.0
+_TRIES, _AGAIN_S = 3, 1.0
 _MAKING = 7_261_642
 """Number of the lock of those who make the table."""
 _RECORDS = sql.Table(
@@ -55,16 +50,17 @@ class SharedQueue(Keeps):
     """A queue in a database.
 
     Attributes:
-        url: of the database, `postgresql://...`.
+        database: that has its table.
         own: name of the machine whose items are carried out here.
         beside: path in the folder in which items have theirs; `.head` beside it has the last record that was seen.
 
     Example:
-        >>> SharedQueue("postgresql://rig@db.lab/queue", "bench-2", Path("runs/queue.sqlite")).folder_of(3)
+        >>> database = Database("postgresql://rig@db.lab/queue")
+        >>> SharedQueue(database, "bench-2", Path("runs/queue.sqlite")).folder_of(3)
         PosixPath('runs/queue-3')
     """
 
-    url: str
+    database: Database
     own: str
     beside: Path
 
@@ -84,18 +80,18 @@ class SharedQueue(Keeps):
 
     def only_worker(self) -> AbstractContextManager[None]:
         """See `Keeps`: of this machine and folder. Two of one machine never begin one item: the database decides."""
-        return only_worker(self.beside.with_suffix(".worker"), f"the queue of {self.machine} in {self._named}")
+        return only_worker(self.beside.with_suffix(".worker"), f"the queue of {self.machine} in {self.database.named}")
 
     def changes(self) -> object:
         """See `Keeps`."""
-        with self._reached() as db:
+        with self.database.reached("the queue") as db:
             if not sql.inspect(db).has_table(TABLE):
                 return None
             return db.execute(sql.select(sql.func.max(_RECORDS.c.seq))).scalar()
 
     def read(self) -> Queue:
         """See `Keeps`; an empty one if there is none yet."""
-        with self._reached() as db:
+        with self.database.reached("the queue") as db:
             return self._folded(self._rows(db) if sql.inspect(db).has_table(TABLE) else [])
 
     def decide(self, by: Callable[[Queue], Sequence[Event]]) -> Queue:
@@ -103,7 +99,7 @@ class SharedQueue(Keeps):
         written, clock = uuid.uuid4().hex, RealClock()
         for left in range(_TRIES - 1, -1, -1):
             try:
-                with self._reached() as db, db.begin():
+                with self.database.reached("the queue") as db, db.begin():
                     queue, last = self._decided(db, by, written, clock.utc())
             except StorageError:  # it may have been written all the same: `written` tells
                 if not left:
@@ -118,7 +114,7 @@ class SharedQueue(Keeps):
         self, db: sql.Connection, by: Callable[[Queue], Sequence[Event]], written: str, utc_s: float
     ) -> tuple[Queue, tuple[int, bytes]]:
         """The state with new records, and number and hash of the last one."""
-        db.execute(sql.text(f"SET LOCAL lock_timeout = '{_LOCK_S}s'"))
+        db.execute(sql.text(f"SET LOCAL lock_timeout = '{WAIT_S}s'"))
         db.execute(sql.text("SET LOCAL synchronous_commit = on"))
         if not sql.inspect(db).has_table(TABLE):
             db.execute(sql.text(f"SELECT pg_advisory_xact_lock({_MAKING})"))
@@ -146,16 +142,16 @@ class SharedQueue(Keeps):
 
     def _folded(self, rows: list[StoredRow]) -> Queue:
         """The state by records that are checked. Raises `RunFileError`."""
-        held, queue = followed(rows, 1, GENESIS), Queue()
+        held, queue, where = followed(rows, 1, GENESIS), Queue(), f"{TABLE} in {self.database.named}"
         if held < len(rows):
             raise RunFileError(
-                f"record {held + 1} of {TABLE} in {self._named} is not as it was written, or records before it are "
+                f"record {held + 1} of {where} is not as it was written, or records before it are "
                 "missing: nothing is added or begun. Put the table back from a backup"
             )
         count, head = read_last_word(self.beside) or (0, b"")
         if count > len(rows) or (count and rows[count - 1][-1] != head):
             raise RunFileError(
-                f"{TABLE} in {self._named} has lost its last records, of {count} that {head_path(self.beside)} counts: "
+                f"{where} has lost its last records, of {count} that {head_path(self.beside)} counts: "
                 f"nothing is added or begun. Put the table back from a backup; for a new queue remove that file"
             )
         for row in rows:
@@ -172,41 +168,3 @@ class SharedQueue(Keeps):
         said = LastWord(self.beside)
         said.say(count, head)
         said.close(finished=False)
-
-    @contextmanager
-    def _reached(self) -> Iterator[sql.Connection]:
-        """A connection. Raises `BusyError` or `StorageError`, which says what to do."""
-        try:
-            with self._engine.connect() as db:
-                yield db
-        except OperationalError as error:
-            if getattr(error.orig, "sqlstate", None) == "55P03":  # lock_not_available
-                raise BusyError(f"{self._named}: somebody else writes for more than {_LOCK_S} s") from error
-            raise StorageError(f"the queue in {self._named} cannot be reached ({_first_line(error)})") from error
-        except DBAPIError as error:
-            raise StorageError(f"the queue in {self._named} cannot be used ({_first_line(error)})") from error
-
-    @cached_property
-    def _engine(self) -> sql.Engine:
-        return sql.create_engine(
-            self._url, poolclass=sql.NullPool, connect_args={"connect_timeout": _LOCK_S, "application_name": "rig"}
-        )
-
-    @cached_property
-    def _url(self) -> sql.URL:
-        try:
-            url = sql.make_url(self.url)
-        except ArgumentError:
-            raise UsageError("--database: an address such as postgresql://NAME@HOST/DATABASE") from None
-        if url.get_backend_name() != "postgresql":
-            raise UsageError(f"--database: only postgresql://..., not {url.get_backend_name()}://")
-        return url.set(drivername="postgresql+psycopg")
-
-    @cached_property
-    def _named(self) -> str:
-        """The address without a password."""
-        return self._url.set(drivername="postgresql").render_as_string(hide_password=True)
-
-
-def _first_line(error: Any) -> str:
-    return str(error.orig or error).strip().splitlines()[0]

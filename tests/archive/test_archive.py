@@ -12,10 +12,12 @@ from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
 
+import apsw
 import pytest
 
 from rig.archive import Lab, affected, due, history
 from rig.archive import index as archive_index
+from rig.archive import store as archive_store
 from rig.archive.documents import read_kept
 from rig.errors import UsageError
 from rig.verbs.certificate.document import Amendment, Dates, Equipment, Item
@@ -93,7 +95,7 @@ def content(folder: Path, *, rebuild: bool = False) -> list[tuple[Any, ...]]:
     with Lab.open(folder, rebuild=rebuild) as lab:
         rows: list[tuple[Any, ...]] = []
         for table in ("file", "certificate", "thing", "item"):
-            rows += sorted((table, *map(str, row)) for row in lab.db.execute(f"SELECT * FROM {table}"))
+            rows += sorted((table, *map(str, row.values())) for row in lab.rows(f"SELECT * FROM {table}"))
         return rows
 
 
@@ -317,10 +319,11 @@ def test_several_at_once_wait_for_one_another(tmp_path: Path) -> None:
 def test_an_index_of_another_version_or_a_damaged_one(tmp_path: Path) -> None:
     write(tmp_path, "C-1", date(2025, 1, 10))
     before = content(tmp_path)
-    with Lab.open(tmp_path) as lab:
-        lab.db.pragma("user_version", 99)
+    other = apsw.Connection(str(tmp_path / archive_store.NAME))
+    other.pragma("user_version", 99)
+    other.close()
     assert content(tmp_path) == before
-    (tmp_path / archive_index.NAME).write_bytes(b"no database, but long enough to look like one" * 50)
+    (tmp_path / archive_store.NAME).write_bytes(b"no database, but long enough to look like one" * 50)
     with pytest.raises(UsageError, match="remove it"):
         told(tmp_path)
 

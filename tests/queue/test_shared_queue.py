@@ -16,6 +16,7 @@ from command import rig
 from postgres import MISSING, Server
 from small_run import write_small
 
+from rig.database import Database
 from rig.drivers.clock import RealClock
 from rig.engine.session import Signals
 from rig.errors import BusyError, ExitCode, RunFileError, StorageError, UsageError
@@ -68,7 +69,7 @@ def item(machine: str, procedure: str = "a.toml", bench: str = "/b.toml") -> Que
 
 
 def shared(url: str, folder: Path, machine: str = "one") -> SharedQueue:
-    return SharedQueue(url, machine, folder / "queue.sqlite")
+    return SharedQueue(Database(url), machine, folder / "queue.sqlite")
 
 
 def worked(file: SharedQueue, said: list[str] | None = None, **more: Any) -> Queue:
@@ -152,16 +153,16 @@ def soon(what: Any) -> None:
 def test_a_commit_without_an_answer_is_not_made_twice(
     url: str, tmp_path: Path, begun: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    broken, reached = [1], SharedQueue._reached
+    broken, reached = [1], Database.reached
 
     @contextmanager
-    def once_broken(self: SharedQueue) -> Iterator[Any]:
-        with reached(self) as db:
+    def once_broken(self: Database, what: str) -> Iterator[Any]:
+        with reached(self, what) as db:
             yield db
         if broken.pop(0) if broken else 0:
             raise StorageError("the answer was lost")
 
-    monkeypatch.setattr(SharedQueue, "_reached", once_broken)
+    monkeypatch.setattr(Database, "reached", once_broken)
     assert shared(url, tmp_path).append(item("one")).added == 1
     assert broken == []
 
