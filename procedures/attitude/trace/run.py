@@ -9,6 +9,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.errors import FitError
+from rig.fitter.steps import steps
 from rig.fitter.trace.chance import DRAWS, Family
 from rig.fitter.trace.engine.family import TableFamily
 from rig.fitter.trace.found import explanations_of
@@ -39,6 +40,8 @@ from rig.procedures.attitude.trace.unmodelled import UnmodelledSmooth
 from rig.procedures.attitude.trace.wander import expected, with_wander
 
 SEED = 20260115
+_SEARCH = 0.5
+"""Part of the time until the first replication is left out, about."""
 
 
 @dataclass(frozen=True)
@@ -219,8 +222,9 @@ def left_out(
     if data.replicates.size < 2:
         return None
     squares = np.zeros((2, len(data.sensors)))
-    for replicate in data.replicates:
-        inside = data.replicate != replicate
+    count = data.replicates.size
+    for k in steps(range(count), lambda k: f"replication left out, {k + 1} of {count}", after=_SEARCH):
+        inside = data.replicate_index != k
         rest, aside = data.take(np.flatnonzero(inside)), data.take(np.flatnonzero(~inside))
         try:
             problem = (search if anything else replace(search, catalogue=())).problem_of(rest)
