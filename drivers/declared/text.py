@@ -85,7 +85,6 @@ class TextTalk(Talk):
         super().__init__(table, clock, self.line.where)
         self._frames = wire.frames(parameters)
         self._end = wire.reply_end or wire.send_end
-        self._free = -math.inf  # the time from which the next line may be sent
         self._compiled: dict[int, _Compiled] = {}
         self._refusals = [self._form(text) for text in table.errors.replies]
         self._errors = [self._form(text) for text in table.errors.answer]
@@ -138,9 +137,7 @@ class TextTalk(Talk):
     def _begin(self) -> None:
         """Keep the distance of lines; take the wire if another instrument has used it."""
         wire = self.table.wire
-        if wire.pace_s or self._free > -math.inf:
-            self.clock.sleep(self._free - self.clock.now())
-            self._free = self.clock.now() + wire.pace_s
+        self.paced()
         if self._shared and self.line.user is not self:
             for text in wire.preamble:
                 self.line.write(self._form(text).write({}))
@@ -328,8 +325,7 @@ class TextTalk(Talk):
                 raise self.line.bad_reply(line, raw, " or ".join(map(repr, tell.answer)))
         else:
             self._write(line, compiled.frame)
-        if tell.wait_s:
-            self._free = self.clock.now() + tell.wait_s
+        self.waits(tell)
         if checked:
             self.raise_errors(line)
 
