@@ -84,7 +84,11 @@ def budget(
     each result that they move.
     `--monte-carlo` compares the intervals with simulated ones (JCGM 101), and names those that differ.
 
-    Example: `rig budget RUN --equipment equipment.toml --at force_kN=2.5`
+    Examples:
+
+    - `rig budget RUN --equipment equipment.toml`
+    - `rig budget RUN --equipment equipment.toml --at force_kN=2.5`
+    - `rig budget RUN --equipment equipment.toml --monte-carlo 200000 --report budget.html`
     """
     from rig.procedures.evaluate.points import points  # noqa: PLC0415
     from rig.verbs.budget.in_short import in_short  # noqa: PLC0415

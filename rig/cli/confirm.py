@@ -89,7 +89,11 @@ def confirm(
     with the expected separation of every pair of confounded causes in standard errors. Makes the run with the best
     separation per cost. Judges the causes with both runs, and the old and the new model with the further one alone.
 
-    Examples: `rig confirm RUN --dry --runs 3`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
+    Examples:
+
+    - `rig confirm RUN --dry --runs 3`
+    - `rig confirm RUN --list`
+    - `rig confirm RUN --by LATER_RUN`
     """
     from rig.verbs.confirm.answers import following, judge  # noqa: PLC0415
     from rig.verbs.confirm.first import check_way, open_asked  # noqa: PLC0415

@@ -78,8 +78,12 @@ def fit(
 
     More than three sensors take one screen; `--full` has every number.
 
-    Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit RUN --traced --temperature --out package.json`,
-    `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
+    Examples:
+
+    - `rig fit runs/20260115T180000-night-1a2b.sqlite`
+    - `rig fit RUN --traced --temperature --out package.json`
+    - `rig fit RUN --points 73`
+    - `rig fit table.csv --response y --formula "1 + x"`
     """
     from rig.tables import FileForm, FileSource  # noqa: PLC0415
     from rig.verbs.data.result import fit_source  # noqa: PLC0415
@@ -134,8 +138,11 @@ def trace(
     Of several runs of one bench each is traced, and held against the others: what comes back is of the bench or of the
     sensors, what does not is of its run.
 
-    Examples: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`, `rig trace table.csv --response y
-    --formula "1 + x" --group batch --time t_s`, `rig trace RUN LATER_RUN`
+    Examples:
+
+    - `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`
+    - `rig trace table.csv --response y --formula "1 + x" --group batch --time t_s`
+    - `rig trace RUN LATER_RUN`
     """
     from rig.tables import FileForm, FileSource  # noqa: PLC0415
     from rig.verbs.data.result import trace_source  # noqa: PLC0415

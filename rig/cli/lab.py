@@ -66,8 +66,12 @@ def lab(
     It reads certificates (their JSON) and registers (equipment.toml) in a folder and all below it. An item is due by
     the date that its certificate states, and on the day on which its drift and uncertainty may break its tolerance.
 
-    Examples: `rig lab`, `rig lab due --within 30 --check`, `rig lab item S-1042`, `rig lab recall DVM-0207 --since
-    2026-03-01`
+    Examples:
+
+    - `rig lab`
+    - `rig lab due --within 30 --check`
+    - `rig lab item S-1042`
+    - `rig lab recall DVM-0207 --since 2026-03-01`
     """
     from rig import archive as answers  # noqa: PLC0415 - statistics take a while to import
 

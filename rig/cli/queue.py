@@ -89,7 +89,11 @@ def queue(
     lets the present items end and begins no others. Exit code of `run`: 0; 3 if an item ended by a fault or outside
     acceptance; 75 after an interrupt.
 
-    Examples: `rig queue add procedure.toml --bench bench.toml --loop --until 07:00`, `rig queue list`, `rig queue run`
+    Examples:
+
+    - `rig queue add procedure.toml --bench bench.toml --loop --until 07:00`
+    - `rig queue list`
+    - `rig queue run`
     """
     from rig.queue import work  # noqa: PLC0415
     from rig.run_file.events.queues import Queued, QueueMoved, QueuePaused, QueueRemoved  # noqa: PLC0415
