@@ -93,6 +93,7 @@ def budget(
     from rig.procedures.evaluate.points import points  # noqa: PLC0415
     from rig.verbs.budget.in_short import in_short  # noqa: PLC0415
     from rig.verbs.budget.result import budget as budget_run  # noqa: PLC0415
+    from rig.verbs.budget.result import not_in  # noqa: PLC0415
 
     check_files([report], [run_file, *(confirmed_by or ()), *filter(None, (equipment,))])
     check_format(report, ".html", ".htm")
@@ -111,5 +112,5 @@ def budget(
         show(found.blocks() if full else in_short(found), out)
         if not full:
             out.print("\neach result with its budget: --full; with pictures: --report FILE.html")
-    show_notes(found, () if as_json else found.lacking)
+    show_notes(found, () if as_json else not_in(found))
     return ExitCode.DONE

@@ -56,11 +56,6 @@ class Budget(Result):
         for one, sensor, check in zip(self.found.budgets, self.found.sensors, checks, strict=True):
             yield {**_json(one, sensor), **({} if check is None else {"simulated": _simulated(check)})}
 
-    @property
-    def lacking(self) -> Sequence[str]:
-        """Notes that `blocks` has at its head."""
-        return self.found.of.stated.what_is_lacking(self.found.unstated)
-
     def blocks(self, *, each: bool = True) -> Iterable[Block]:
         """A table of results, and a budget of `each`."""
         yield headline(Path(self.found.of.table.source).name, self.found.of.table)
@@ -71,7 +66,7 @@ class Budget(Result):
             words = f"{first.name}, {100 * first.share:.0f} %"
             name = escape(in_words(one.name))
             grid.add_row(name, f"{value} {per_term(one.unit)}", expanded, f"{one.coverage_factor:.2f}", escape(words))
-        for sentence in self.lacking:
+        for sentence in not_in(self):
             yield Line(f"[bold]not in the uncertainties:[/] {escape(sentence)}")
         yield Line(headed(self.found.budgets))
         yield grid
@@ -108,6 +103,11 @@ class Budget(Result):
 
     def __repr__(self) -> str:
         return f"<rig.Budget of {self.found.of.table.source}: {len(self.found.budgets)} results>"
+
+
+def not_in(made: Budget) -> Sequence[str]:
+    """Notes about what is not in the uncertainties, which `blocks` has at its head."""
+    return made.found.of.stated.what_is_lacking(made.found.unstated)
 
 
 def _budget(one: Budgeted) -> Iterator[Block]:
