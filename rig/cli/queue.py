@@ -116,7 +116,7 @@ def queue(
             then=then.value,
             who=by.name,
             who_by=by.by,
-            machine=at.machine,
+            machine=at.machine or None,
         )
         now = at.append(asked)
     elif action in (Action.MOVE, Action.REMOVE):
@@ -138,7 +138,7 @@ def queue(
         _show(now, as_json=as_json)
         if asked_to_end.interrupt:
             return ExitCode.INTERRUPTED
-        own = [one for one in now.items.values() if one.asked.machine == at.machine]
+        own = [one for one in now.items.values() if one.machine == at.machine]
         bad = any(one.state in ("fault", "outside", "stopped") for one in own)
         return ExitCode.OUTSIDE_ACCEPTANCE if bad else ExitCode.DONE
     _show(now, as_json=as_json)
@@ -212,7 +212,7 @@ def _show(now: Queue, *, as_json: bool) -> None:
     if as_json:
         print_json({"paused": now.paused, "held": now.held, "items": [_row(one) for one in order]})
         return
-    shared = any(one.asked.machine for one in order)
+    shared = any(one.machine for one in order)
     head = (
         "item",
         *(("machine",) if shared else ()),
@@ -237,7 +237,7 @@ def _show(now: Queue, *, as_json: bool) -> None:
         names = (Path(asked.procedure).name, Path(asked.bench).name)
         table.add_row(
             str(one.number),
-            *((escape(asked.machine),) if shared else ()),
+            *((escape(one.machine),) if shared else ()),
             one.state,
             asked.command,
             *map(escape, names),

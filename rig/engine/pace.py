@@ -19,6 +19,7 @@ import numpy as np
 
 from rig.bench.config import FOLLOWS_S, BenchConfig
 from rig.bench.plugins import driver_class
+from rig.errors import ConfigurationError
 from rig.procedures.column_names import unit_of
 from rig.procedures.plan.conduct import Conduct, SoakSettings
 from rig.procedures.plan.run_list import RunList
@@ -254,16 +255,20 @@ def _followers(run_list: RunList, bench: BenchConfig, soak: SoakSettings) -> Map
             continue
         rate = _rate(bench, factor.name, "ramp_degC_per_min")
         tolerance = soak.sensor_tolerance_degC if rate else min(soak.sensor_tolerance_degC, soak.tolerance_degC)
-        tau = follows_s(bench, factor.name) if _is_read(bench, factor.name) else 0.0
+        tau = follows_s(bench, factor.name) if is_read(bench, factor.name) else 0.0
         out[factor.name] = Follower(inf if rate is None else rate / 60.0, tau, tolerance)
     return out
 
 
-def _is_read(bench: BenchConfig, factor: str) -> bool:
+def is_read(bench: BenchConfig, factor: str) -> bool:
     """Whether something reads what a hard factor is: a thermometer, or its instrument if that has no `read` to say."""
     entry = bench.instruments.get(bench.setters.get(factor, ""))
-    silent = entry is not None and "read" in driver_class(entry.driver).Options.model_fields
-    return bool(bench.thermometers(factor)) or not silent or bool(entry and entry.options.get("read"))
+    if bench.thermometers(factor) or entry is None or entry.options.get("read"):
+        return True
+    try:
+        return "read" not in driver_class(entry.driver).Options.model_fields
+    except ConfigurationError:  # an instrument that was given to the engine as it is
+        return True
 
 
 def follows_s(bench: BenchConfig, factor: str) -> float:

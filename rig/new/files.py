@@ -202,7 +202,8 @@ def _instrument_lines(answers: Answers, part: str, number: int) -> Iterator[str]
     options = known_options(part, answers)
     yield from (_line(key, value) for key, value in options.items())
     if number == 1:
-        yield from (_beside(f"# {_line(key, v)}", words) for key, v, words in instruments.more(part, name, answers))
+        for key, value, words, used in instruments.more(part, name, answers):
+            yield _line(key, value, words) if used else _beside(f"# {_line(key, value)}", words)
 
 
 def _sensor_lines(answers: Answers) -> Iterator[str]:

@@ -48,6 +48,12 @@ _MORE: Mapping[str, tuple[Any, str]] = {
     "time_constant_s": (300, "how it approaches a setting: for forecasts and dry runs"),
 }
 """Options that instruments of one's own often need and do not have to have: an example, and what it is for."""
+_READS_BACK: Mapping[str, str] = {
+    "read": "where it stands now; a chamber that cannot say so: leave out this and the next two lines",
+    "tolerance": "settled within this of its setting",
+    "time_constant_s": "how it approaches a setting: for forecasts and dry runs",
+}
+"""Of a chamber, these are no examples: what waits for a temperature has to know when it is there."""
 _WORDS = {"V": "VOLT", "A": "CURR", "degC": "TEMP"}
 
 
@@ -162,13 +168,18 @@ def meters(answers: Answers) -> int:
     return int(answers["channels"]) if there is not None and len(there) == 1 else 1
 
 
-def more(part: str, name: str, answers: Answers) -> Iterator[tuple[str, Any, str]]:
-    """Options of an instrument described in the bench file that it may need, too: example, and what it is for."""
+def more(part: str, name: str, answers: Answers) -> Iterator[tuple[str, Any, str, bool]]:
+    """Options of an instrument described in the bench file that it may need, too.
+
+    Yields:
+        Key, example, what it is for, and whether it is used from the beginning.
+    """
     fields, unit = driver(name).Options.model_fields, unit_of_part(part, answers)
     own = {"check": {"UNIT?": unit.upper()}} | ({} if unit == TEMPERATURE_UNIT else {"time_constant_s": 0.5})
     for key, (example, words) in _MORE.items() if asked(name) else ():
         if key in fields and not fields[key].is_required():
-            yield key, own.get(key, example), words
+            used = part == CHAMBER and key in _READS_BACK
+            yield key, own.get(key, example), _READS_BACK[key] if used else words, used
 
 
 _LEVELS = {SETS: "levels", CHAMBER: "chamber_degC"}

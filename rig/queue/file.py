@@ -46,7 +46,12 @@ class Item:
     @property
     def bench(self) -> str:
         """Its bench: the path of the bench file, after the machine if it is of a certain one."""
-        return f"{self.asked.machine}:{self.asked.bench}" if self.asked.machine else self.asked.bench
+        return f"{self.machine}:{self.asked.bench}" if self.machine else self.asked.bench
+
+    @property
+    def machine(self) -> str:
+        """The machine that carries it out; "" in a queue of one machine."""
+        return self.asked.machine or ""
 
     @property
     def state(self) -> str:
@@ -84,7 +89,7 @@ class Queue:
                 self.items.pop(event.item, None)
             case QueueBegan() if event.item in self.items:
                 self.items[event.item].begun += 1
-                self.items[event.item].folder = event.folder
+                self.items[event.item].folder = event.folder or ""
             case QueueEnded() if event.item in self.items:
                 self._ended(self.items[event.item], event)
             case QueuePaused():
@@ -128,7 +133,7 @@ class Queue:
         for item in self.waiting:
             held = item.bench in self.held and item.asked.command != "resume"  # a person wants just that run
             if (
-                item.asked.machine not in ("", machine)
+                item.machine not in ("", machine)
                 or item.bench in busy
                 or held
                 or (item.asked.not_before_s or 0.0) > utc_s

@@ -83,7 +83,7 @@ class _Worker:
         def decided(queue: Queue) -> list[Event]:
             now = queue.items.get(item.number)
             own = now is not None and (now.begun, now.ended) == (item.begun, item.ended)
-            there = str(folder.absolute()) if self.file.machine else ""
+            there = str(folder.absolute()) if self.file.machine else None
             began[:] = [QueueBegan(item=item.number, folder=there)] if own else []
             return list(began)
 
@@ -101,7 +101,7 @@ class _Worker:
 
     def mine(self, items: list[Item]) -> list[Item]:
         """Those of this machine."""
-        return [one for one in items if one.asked.machine in ("", self.file.machine)]
+        return [one for one in items if one.machine in ("", self.file.machine)]
 
     def look(self, item: Item) -> None:
         """See whether an item at work has ended; one that was cut is resumed."""

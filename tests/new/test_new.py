@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 
 import pytest
@@ -285,3 +286,17 @@ def test_a_driver_that_cannot_be_loaded_is_not_offered_and_stops_nobody(monkeypa
     answers = completed({}, "nothing")
     monkeypatch.setattr(instruments, "drivers", lambda: ["hp-3458a", "of-another-package"])
     assert list(instruments.offered("reads", answers)) == ["hp-3458a"]
+
+
+def test_a_chamber_reads_back_and_a_plan_says_where_nothing_does(tmp_path):
+    """Nothing else would wait until the temperature is there."""
+    _, lab = made(tmp_path, FLOW)
+    bench = lab / "bench.toml"
+    own = tomllib.loads(bench.read_text())["instruments"]["chamber"]
+    assert (own["read"], own["tolerance"], own["time_constant_s"]) == ("READ?", 0.1, 300)
+    planned = ("plan", lab / "procedure.toml", "--bench", bench)
+    words = "chamber_degC: nothing reads how far it has come"
+    assert words not in " ".join(rig(*planned).stdout.split())
+    bench.write_text(re.sub(r"(?m)^(read|tolerance|time_constant_s) = .*\n", "", bench.read_text()))
+    told = rig(*planned)
+    assert words in " ".join(told.stdout.split()), told.stdout + told.stderr

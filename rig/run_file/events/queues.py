@@ -28,7 +28,7 @@ class Queued(Event, kind="queue", status="added", matters=STEP):
         then: what the next items of its bench do after a fault, or outside acceptance: "go on", "hold", "stop".
         who: operator of its runs, None for the one who carries out the queue.
         who_by: source of that name.
-        machine: name of the one that carries it out, "" in a queue of one machine.
+        machine: name of the one that carries it out, None in a queue of one machine.
     """
 
     item: Count
@@ -42,7 +42,7 @@ class Queued(Event, kind="queue", status="added", matters=STEP):
     then: Text = "hold"
     who: Text | None = None
     who_by: Text | None = None
-    machine: Text = ""
+    machine: Text | None = None
 
     def sentence(self, record: Columns) -> str:
         """The item and its command."""
@@ -71,10 +71,10 @@ class QueueRemoved(Event, kind="queue", status="removed", matters=STEP, says="it
 
 @dataclass(frozen=True, kw_only=True)
 class QueueBegan(Event, kind="queue", status="began", matters=SESSION, says="item {item} begins, or goes on"):
-    """An item is about to begin, or to go on, in a folder of that machine; "" for the usual one."""
+    """An item is about to begin, or to go on, in a folder of that machine; None for the usual one."""
 
     item: Count
-    folder: Text = ""
+    folder: Text | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ import numpy as np
 from rig.bench.bench_file import check_options, playing
 from rig.bench.config import FOLLOWS_S
 from rig.drivers.roles import Chamber, Source
+from rig.engine.pace import is_read
 from rig.fitter.arithmetic_text import parse_expression
 from rig.fitter.errors import FitError
 from rig.procedures.column_names import spelled, stem_of, unit_of
@@ -57,6 +58,18 @@ def short_dwells(plan: Plan) -> Iterator[str]:
             f"{f' ({outputs})' if outputs else ''}, by the time constant of {of}, {tau:g} s; a trace may find it as a "
             f"direction of approach or a lag: {key} = {enough:g} leaves less"
         )
+
+
+def unread(plan: Plan) -> Iterator[str]:
+    """A sentence for each temperature of whole plots of which nothing says that it has arrived."""
+    for factor in plan.run_list.factors:
+        setter = plan.bench.setters.get(factor.name, "")
+        if factor.hard and unit_of(factor.name) == TEMPERATURE_UNIT and not is_read(plan.bench, factor.name):
+            yield (
+                f"{factor.name}: nothing reads how far it has come. A whole plot begins after soak.dwell_s alone, and "
+                f"what was commanded is recorded; state `read` of instruments.{setter}, or a thermometer in "
+                f"[temperatures]"
+            )
 
 
 def _time_constant(plan: Plan, factor: Factor, own: float | None) -> tuple[float, str] | None:
