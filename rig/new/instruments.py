@@ -53,7 +53,7 @@ _READS_BACK: Mapping[str, str] = {
     "tolerance": "settled within this of its setting",
     "time_constant_s": "how it approaches a setting: for forecasts and dry runs",
 }
-"""Of a chamber, these are no examples: what waits for a temperature has to know when it is there."""
+"""A chamber has these from the beginning: a run that waits for a temperature has to know when it is there."""
 _WORDS = {"V": "VOLT", "A": "CURR", "degC": "TEMP"}
 
 
