@@ -13,7 +13,7 @@ import typer
 from rich.markup import escape
 
 from rig.cli.commands import app
-from rig.cli.options import JsonOption
+from rig.cli.options import DatabaseOption, JsonOption
 from rig.cli.show import err, out, print_json
 from rig.drivers.clock import RealClock
 from rig.errors import ConfigurationError, ExitCode, UsageError
@@ -55,10 +55,7 @@ def lab(
         bool, typer.Option("--remind", help="due: send what is due within 30 days over the channels of notify.toml")
     ] = False,
     rebuild: Annotated[bool, typer.Option("--rebuild", help="read every file again, also unchanged ones")] = False,
-    database: Annotated[
-        str,
-        typer.Option(envvar="RIG_DATABASE", help="keep the index there, as postgresql://rig@db/lab", show_envvar=True),
-    ] = "",
+    database: DatabaseOption = "",
     as_json: JsonOption = False,
 ) -> int:
     """Say what is due in a laboratory, the history of an item, or which certificates rest on a piece of equipment.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from rig.cli.commands import app
-from rig.cli.options import JsonOption
+from rig.cli.options import DatabaseOption, JsonOption
 from rig.cli.people import LabOption
 from rig.cli.show import err, out, print_json
 from rig.cli.signed_in import LoginOption, asked_password, signed_in
@@ -33,6 +34,7 @@ def serve(
     ] = None,
     key: Annotated[Path | None, typer.Option(help="private key of the certificate, PEM", show_default=False)] = None,
     queue: Annotated[bool, typer.Option("--queue/--no-queue", help="carry out the queue of the laboratory")] = True,
+    database: DatabaseOption = "",
 ) -> int:
     """Serve a laboratory: benches, queue, runs, proposals, results, and acts of people who are logged in.
 
@@ -45,7 +47,7 @@ def serve(
     - `rig serve /srv/laboratory --port 8443`
     - `rig serve --host 0.0.0.0 --name rig.lab --certificate lab.pem --key lab.key`
     """
-    laboratory = laboratory_in(lab)
+    laboratory = replace(laboratory_in(lab), database=database)
     from rig.serve import serve as serve_laboratory  # noqa: PLC0415 - the web server is slow to import
 
     serve_laboratory(

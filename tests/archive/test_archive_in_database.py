@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +21,8 @@ from rig.archive import Lab, affected, due, history
 from rig.archive import index as archive_index
 from rig.archive.documents import read_kept
 from rig.errors import StorageError, UsageError
+from rig.lab import Laboratory
+from rig.serve.drift import of_item
 from tests.support.command import rig
 
 pytestmark = pytest.mark.skipif(MISSING is not None, reason=str(MISSING))
@@ -156,6 +159,18 @@ def test_two_laboratories_of_one_database_are_apart(tmp_path: Path, database: st
     for name in ("a", "b", "a"):
         with Lab.open(tmp_path / name, database=database) as lab:
             assert [one.certificate for one in due(lab)] == [f"C-{name}"]
+
+
+def test_the_page_of_an_item_is_by_the_same_index(tmp_path: Path, database: str) -> None:
+    for year in (2021, 2022, 2023):
+        write(tmp_path, f"C-{year}", date(year, 1, 1), value=5.0 + 0.01 * (year - 2021))
+    of_file, of_database = (of_item(Laboratory(tmp_path, kept), "EXAMPLE 10 kN S-1") for kept in ("", database))
+    assert of_file is not None
+    assert of_database is not None
+    assert re.sub(r"p[0-9a-f]{10}", "", str(of_file)) == re.sub(
+        r"p[0-9a-f]{10}", "", str(of_database)
+    )  # but names in pictures
+    assert of_item(Laboratory(tmp_path, "postgresql://rig@127.0.0.1:1/lab"), "EXAMPLE 10 kN S-1") is None
 
 
 def test_the_command_takes_its_address_and_never_shows_the_password(tmp_path: Path, database: str) -> None:
