@@ -18,7 +18,7 @@ from rig.contracts.declared.wire import Errors, Identity, Wire
 from rig.drivers import roles
 from rig.drivers.declared.base import Remembering
 from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
-from rig.drivers.declared.text import LineSettings, TextTalk
+from rig.drivers.declared.text import TextTalk
 from rig.drivers.driver import Medium
 from rig.drivers.errors import WrongInstrument
 from rig.drivers.numbers import decimal
@@ -26,6 +26,7 @@ from rig.drivers.scpi import PREPARED
 from rig.drivers.scpi_learned import is_unit, unit_after
 from rig.drivers.scpi_options import ScpiOptions
 from rig.drivers.wires import Wires
+from rig.drivers.wires.serial_options import LineSettings
 
 _EVENTS = {"2": "query error", "3": "device error", "4": "execution error", "5": "command error"}
 """Errors by their bit in the standard event register (IEEE 488.2, 11.5.1)."""

@@ -11,11 +11,10 @@ from rig.contracts.declared.instrument import Instrument, parse
 from rig.drivers.declared.base import Declared, Remembering
 from rig.drivers.declared.reader import DeclaredReader, OneByOneReader
 from rig.drivers.declared.source import DeclaredSource
-from rig.drivers.declared.text import LineSettings
 from rig.drivers.scpi import INTERFACE, Interface, one_of
 from rig.drivers.wires import SerialOptions
 from rig.drivers.wires.serial_line import Frame
-from rig.drivers.wires.serial_options import Flow
+from rig.drivers.wires.serial_options import Flow, LineSettings
 
 
 class _Options(SerialOptions):

@@ -13,11 +13,12 @@ from rig.contracts.declared.instrument import Instrument
 from rig.drivers.bridges import Bridge
 from rig.drivers.bridges.line import BridgeLine
 from rig.drivers.clock import Clock
-from rig.drivers.declared.text import LineSettings, TextTalk
+from rig.drivers.declared.text import TextTalk
 from rig.drivers.errors import WrongAddress
 from rig.drivers.wires import SerialSettings, Wires
 from rig.drivers.wires.addresses import EpicsAddress, SerialAddress, parse_address
 from rig.drivers.wires.line import Line
+from rig.drivers.wires.serial_options import LineSettings
 from rig.drivers.wires.visa_address import VisaAddress
 
 _WITH_UNIT, _OF_ANY_UNIT = ("{value}", "{value} {unit}"), ("{value}", "{value} {}")

@@ -19,29 +19,11 @@ from rig.drivers.errors import BadReply, InstrumentError, NoReply
 from rig.drivers.scpi import agrees, forget_errors
 from rig.drivers.wires import SerialSettings, Wires
 from rig.drivers.wires.line import Line
-from rig.drivers.wires.serial_options import Flow
+from rig.drivers.wires.serial_options import LineSettings
 
 _NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?")
 _PERIODS = 3  # a line that is torn, one that is lost, and one more
 _MOST_ERRORS = 32  # chosen: a queue that does not end is a garbled answer
-
-
-class LineSettings(NamedTuple):
-    """Settings of a line that a bench file has.
-
-    Attributes:
-        baud: symbols per second.
-        frame: data bits, parity, stop bits.
-        flow: flow control.
-        send_end: end of a line that is sent, if it is not that of the instrument's file.
-        serial: whether the instrument's own interface is a serial one.
-    """
-
-    baud: int = 9600
-    frame: str = "8N1"
-    flow: Flow = "none"
-    send_end: bytes | None = None
-    serial: bool = True
 
 
 class _Compiled(NamedTuple):
