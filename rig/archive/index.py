@@ -19,6 +19,7 @@ from rig.archive.forecast import forecast
 from rig.archive.store import TABLES, Store, opened
 from rig.drivers.clock import RealClock
 from rig.errors import RigError, UsageError
+from rig.fitter.steps import steps
 
 _JUST_NOW_S = 2.0
 """Age of a change below which a folder is read again: dates of change are coarse."""
@@ -87,7 +88,7 @@ class Lab:
             stale: set[str] = set()
             now = RealClock().utc()
             known = {row["path"]: row for row in self.rows("SELECT * FROM folder")}
-            for folder, changed in _folders(self.folder):
+            for folder, changed in steps(list(_folders(self.folder)), lambda one: one[0] or "."):
                 row = known.pop(folder, None)
                 settled = row is not None and row["changed"] == changed and row["seen"] - changed / 1e9 > _JUST_NOW_S
                 stale |= self._look_into(folder, settled=settled)
@@ -106,7 +107,8 @@ class Lab:
         rows = self.rows("SELECT * FROM file WHERE folder = ?", folder) if not settled else self._registers(folder)
         known = {row["path"]: row for row in rows}
         stale: set[str] = set()
-        for path in _files(self.folder, folder, known if settled else None):
+        files = _files(self.folder, folder, known if settled else None)
+        for path in steps(files, lambda path: Path(path).name):
             row, found = known.pop(path, None), os.stat(self.folder / path)
             if row is None or (row["changed"], row["size"]) != (found.st_mtime_ns, found.st_size):
                 stale |= self._forget(path) | self._take(folder, path, found)

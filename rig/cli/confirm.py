@@ -19,6 +19,7 @@ from rig.cli.progress import run_progress
 from rig.cli.run import conclude
 from rig.cli.show import err, headline, print_json
 from rig.cli.signals import signals
+from rig.cli.waiting import waiting
 from rig.engine.session import Outcome
 from rig.errors import ExitCode, UsageError
 from rig.files.atomic import check_files, check_format, write_whole
@@ -217,7 +218,8 @@ def _chosen(
     """The run to make, None if there is none; and all of them for `--json`."""
     from rig.verbs.confirm.proposals import consider, inseparable, propose, unlikely  # noqa: PLC0415
 
-    considered = consider(asked)
+    with waiting("considering further runs"):
+        considered = consider(asked)
     proposals, never = propose(considered), inseparable(asked, considered)
     if not as_json:
         show_open(asked, never)

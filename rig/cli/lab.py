@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict
 from datetime import UTC, date, datetime
 from enum import StrEnum
@@ -15,6 +16,7 @@ from rich.markup import escape
 from rig.cli.commands import app
 from rig.cli.options import DatabaseOption, JsonOption
 from rig.cli.show import err, out, print_json
+from rig.cli.waiting import waiting
 from rig.drivers.clock import RealClock
 from rig.errors import ConfigurationError, ExitCode, UsageError
 from rig.fitter.rounding import with_error
@@ -79,7 +81,9 @@ def lab(
             else f"{question} of what? `rig lab item ASSET`, `rig lab recall ASSET`, or a serial or certificate number"
         )
     now = _day(today, "--today") or datetime.fromtimestamp(RealClock().utc(), UTC).date()
-    with answers.Lab.open(folder, rebuild=rebuild, database=database) as index:
+    with ExitStack() as opened:
+        with waiting("reading certificates"):
+            index = opened.enter_context(answers.Lab.open(folder, rebuild=rebuild, database=database))
         problems = index.problems()
         match question:
             case Question.DUE:

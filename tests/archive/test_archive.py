@@ -20,6 +20,7 @@ from rig.archive import index as archive_index
 from rig.archive import store as archive_store
 from rig.archive.documents import read_kept
 from rig.errors import UsageError
+from rig.fitter.steps import heard
 from rig.verbs.certificate.document import Amendment, Dates, Equipment, Item
 from rig.verbs.certificate.measured import Result, ResultTable, Stage, Statement
 from tests.support.command import rig
@@ -272,6 +273,19 @@ def test_the_index_is_that_of_the_files_whatever_happened_to_them(tmp_path: Path
             content(tmp_path)
     before = content(tmp_path)
     assert before == content(tmp_path, rebuild=True)
+
+
+def test_an_index_in_the_making_says_where_it_is(tmp_path: Path) -> None:
+    write(tmp_path, "C-1", date(2025, 1, 10))
+    (tmp_path / "2026").mkdir()
+    for i in (2, 3):
+        write(tmp_path / "2026", f"C-{i}", date(2025, i, 10))
+    said: list[str] = []
+    parts: list[float] = []
+    with heard(lambda done, words: (said.append(words), parts.append(done))):
+        told(tmp_path)
+    assert "2026: C-3.json" in said
+    assert parts == sorted(parts)
 
 
 def test_a_kill_in_a_refresh_leaves_the_index_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
