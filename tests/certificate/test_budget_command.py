@@ -20,7 +20,7 @@ from rig.verbs.budget.held import outside_of
 from rig.verbs.budget.page import _result as result_of
 from rig.verbs.budget.page import shares
 from rig.verbs.budget.result import _budget as budget_lines
-from rig.verbs.budget.result import budget
+from rig.verbs.budget.result import budget, not_in
 
 REGISTER = """
 name = "stand"
@@ -113,7 +113,7 @@ def test_a_budget_says_where_its_coverage_factors_are_from_and_no_sentence_twice
         done = rig("budget", run, "--full", *more)
         assert len(set(done.stderr.splitlines())) == len(done.stderr.splitlines())
         assert "k is of Student's t at the effective degrees of freedom" in " ".join(done.stdout.split())
-    (lacking,) = budget(run, equipment=nothing).lacking
+    (lacking,) = not_in(budget(run, equipment=nothing))
     assert " ".join((done.stdout + done.stderr).split()).count(lacking) == 1  # it stood above and below the table
 
 
