@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Iterator
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -95,8 +96,6 @@ class InDatabase:
     """An index in a database, in a schema of its own for each path of a folder."""
 
     def __init__(self, db: Any, folder: Path) -> None:
-        from hashlib import sha256  # noqa: PLC0415
-
         self._db = db
         self._schema = f"rig_lab_{_VERSION}_{sha256(str(folder.resolve()).encode()).hexdigest()[:12]}"
         with self.changing():

@@ -24,8 +24,8 @@ from rig.run_file.last_word import LastWord, head_path, read_last_word
 
 TABLE = "rig_queue"
 _TRIES, _AGAIN_S = 3, 1.0
-_MAKING = 7_261_642
-"""Number of the lock of those who make the table."""
+_WRITING = 7_261_642
+"""Number of the lock of those who write, or make the table."""
 _RECORDS = sql.Table(
     TABLE,
     sql.MetaData(),
@@ -116,10 +116,9 @@ class SharedQueue(Keeps):
         """The state with new records, and number and hash of the last one."""
         db.execute(sql.text(f"SET LOCAL lock_timeout = '{WAIT_S}s'"))
         db.execute(sql.text("SET LOCAL synchronous_commit = on"))
-        if not sql.inspect(db).has_table(TABLE):
-            db.execute(sql.text(f"SELECT pg_advisory_xact_lock({_MAKING})"))
-            _RECORDS.create(db, checkfirst=True)
-        db.execute(sql.text(f"LOCK TABLE {TABLE} IN EXCLUSIVE MODE"))
+        # not LOCK TABLE, which asks for the right to change records
+        db.execute(sql.text(f"SELECT pg_advisory_xact_lock({_WRITING})"))
+        _RECORDS.create(db, checkfirst=True)
         rows = self._rows(db)
         queue = self._folded(rows)
         if db.execute(sql.select(sql.func.count()).where(_RECORDS.c.written == written)).scalar():

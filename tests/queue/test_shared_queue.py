@@ -22,7 +22,7 @@ from rig.engine.session import Signals
 from rig.errors import BusyError, ExitCode, RunFileError, StorageError, UsageError
 from rig.examples import example
 from rig.queue import Queue, work, worker
-from rig.queue.shared import SharedQueue
+from rig.queue.shared import _WRITING, SharedQueue
 from rig.run_file.events.queues import Queued, QueueEnded, QueuePaused
 
 pytestmark = pytest.mark.skipif(MISSING is not None, reason=str(MISSING))
@@ -187,6 +187,22 @@ def test_a_table_that_was_changed_is_refused(
     for do in (file.read, lambda: file.append(item("one"))):
         with pytest.raises(RunFileError, match=words):
             do()
+
+
+def test_who_may_only_read_and_add_can_use_a_queue_and_waits_for_its_lock(
+    url: str, server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    database = url.split("/")[3].partition("?")[0]
+    shared(url, tmp_path).append(item("one"))
+    server.sql("CREATE ROLE adder LOGIN; GRANT SELECT, INSERT ON rig_queue TO adder", database)
+    adder = shared(url.replace("postgres:secret", "adder"), tmp_path / "adder")
+    assert adder.append(item("one")).added == 2
+    monkeypatch.setattr("rig.queue.shared.WAIT_S", 1)
+    with Database(url).reached("a test") as other:
+        other.exec_driver_sql(f"SELECT pg_advisory_xact_lock({_WRITING})")
+        with pytest.raises(BusyError, match="somebody else writes"):
+            adder.append(item("one"))
+    assert adder.append(item("one")).added == 3
 
 
 def test_a_night_through_the_command_line(url: str, tmp_path: Path):
