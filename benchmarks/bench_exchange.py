@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from importlib.resources import files
 
-from rig.drivers.keysight_34401a import Keysight34401A
+from rig.bench.plugins import driver_class
 from rig.drivers.keysight_34970a import Keysight34970A
 from rig.drivers.newport_esp301 import NewportESP301
 from rig.drivers.watlow_f4t import WatlowF4T
@@ -20,6 +20,8 @@ from rig.sims.twins.keysight_34970a import Keysight34970ATwin
 from rig.sims.twins.newport_esp301 import NewportESP301Twin
 from rig.sims.twins.watlow_f4t import WatlowF4TTwin
 from rig.sims.world import World
+
+Keysight34401A = driver_class("keysight-34401a")
 
 REGISTERS = files("rig.contracts").joinpath("watlow_f4t.toml").read_text(encoding="utf-8")
 CHANNELS = {"101": "volts", "102": "volts", "103": "volts", "104": "thermistor-10k"}
@@ -69,7 +71,7 @@ def main() -> None:
 
     dvm = Keysight34401A("dvm", "sim://benchmark/dvm", Keysight34401A.Options(), wires, world)
     dvm.prepare()
-    report("34401A: one query, SYST:ERR?", lambda: dvm._line.query("SYST:ERR?"))
+    report("34401A: one query, SYST:ERR?", lambda: dvm._talk.line.query("SYST:ERR?"))
     report("34401A: start(5) and fetch(), five readings", lambda: (dvm.start(5), dvm.fetch()), 2, 2000)
 
     scanner = Keysight34970A(

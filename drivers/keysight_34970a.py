@@ -15,7 +15,7 @@ from rig.drivers.clock import Clock
 from rig.drivers.driver import ContractFile, Medium
 from rig.drivers.errors import BadReply
 from rig.drivers.numbers import decimal
-from rig.drivers.scpi import FREQUENCIES, SYNC, Interface, ScpiMeter, hp_dialect, one_of, settling_s
+from rig.drivers.scpi import FREQUENCIES, INTERFACE, SYNC, Interface, ScpiMeter, hp_dialect, one_of, settling_s
 from rig.drivers.wires import SerialOptions, SerialSettings, Wires
 from rig.drivers.wires.serial_options import FLOW, Flow
 
@@ -82,7 +82,7 @@ class Keysight34970A(ScpiMeter):
         )
         frame: Literal["8N1", "7E1", "7O1"] = Field("8N1", description="data bits, parity, stop bits")
         flow: Flow = Field("xonxoff", description=FLOW)
-        interface: Interface = Field("rs232", description="rs232, also behind a serial server, or gpib")
+        interface: Interface = Field("rs232", description=INTERFACE)
         nplc: Annotated[float, AfterValidator(one_of(0.02, 0.2, 1, 2, 10, 20, 100, 200))] = Field(
             10, description="integration time, power line cycles"
         )

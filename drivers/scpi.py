@@ -10,9 +10,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
-
-from pydantic import AfterValidator
+from typing import Any, Literal
 
 from rig.drivers.clock import Clock
 from rig.drivers.errors import BadReply, DriverError, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
@@ -40,19 +38,16 @@ a session ends before it has used it (unlike the power-on bit of *ESR?).
 """
 
 
-def one_of(*allowed: float) -> Callable[[float], float]:
-    """A validator: the number must be one of a few."""
+def one_of(*allowed: str | float) -> Callable[[Any], Any]:
+    """A validator: the number, or text, must be one of a few."""
 
-    def check(value: float) -> float:
+    def check(value: Any) -> Any:
         if value not in allowed:
-            raise ValueError(f"must be one of {', '.join(f'{a:g}' for a in allowed)}")
+            raise ValueError(f"must be one of {', '.join(a if isinstance(a, str) else f'{a:g}' for a in allowed)}")
         return value
 
     return check
 
-
-Nplc = Annotated[float, AfterValidator(one_of(0.02, 0.2, 1, 10, 100))]
-"""Integration time, power line cycles."""
 
 FREQUENCIES = (50.0, 60.0)
 """Power line frequencies of integration times, Hz."""
@@ -86,6 +81,8 @@ class Dialect:
 
 Interface = Literal["rs232", "gpib"]
 """Interface of the instrument itself, whatever carries the text to it."""
+
+INTERFACE = "rs232, also behind a serial server, or gpib"
 
 
 def hp_dialect(interface: Interface, *, clear_with_dtr: bool = False) -> Dialect:

@@ -26,6 +26,7 @@ from rig.drivers.scpi import PREPARED
 from rig.drivers.scpi_learned import is_unit, unit_after
 from rig.drivers.scpi_options import ScpiOptions
 from rig.drivers.wires import Wires
+from rig.drivers.wires.serial_options import LineSettings
 
 _EVENTS = {"2": "query error", "3": "device error", "4": "execution error", "5": "command error"}
 """Errors by their bit in the standard event register (IEEE 488.2, 11.5.1)."""
@@ -95,7 +96,7 @@ class Described(Remembering):
     def _opened(self, address: str, wires: Wires) -> Talk:
         options = self._options
         self.table = table_of(options, self._roles())  # type: ignore[misc]  # of one instance
-        settings = (options.baud, options.frame, options.flow_at(address))
+        settings = LineSettings(options.baud, options.frame, options.flow_at(address))
         talk = DescribedTalk(self.table, self.name, address, settings, {}, wires, self._clock)
         talk.options, talk.number_form = options, options.number_pattern
         talk.numbers = frozenset(line(text) for key in self.numbers if (text := getattr(options, key)))

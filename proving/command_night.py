@@ -70,7 +70,11 @@ def night(
     your own may have any installed instrument; the faults that its twin declares happen as well. What is checked:
     proving/notes/nights.md. A campaign with a --ledger that was stopped or killed goes on with the same command.
 
-    Examples: `rig night --seeds 1000`, `rig night --seed 42 --lab attitude`, `rig night --bug skip-re-approach`
+    Examples:
+
+    - `rig night --seeds 1000`
+    - `rig night --seed 42 --lab attitude`
+    - `rig night --bug skip-re-approach`
     """
     from proving.night.bugs import BUGS  # noqa: PLC0415
     from proving.night.scenario import EVERY_LAB, LABS  # noqa: PLC0415

@@ -21,7 +21,9 @@ from rig.files.atomic import check_files, write_whole
 study_app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="markdown",
-    help="Reproduce published work, and compare with the printed results.",
+    help="Reproduce published work, and compare with the printed results.\n\nExamples:\n\n"
+    "- `rig study paper --out paper`\n"
+    "- `rig study paper --figures-only --out figures`\n- `rig study paper --seeds 20 --json --out paper`",
 )
 app.add_typer(study_app, name="study")
 

@@ -44,7 +44,7 @@ def unknown_fields(skip: Iterable[str]) -> Iterator[str]:
             yield f"wire.skip: {error}"
 
 
-def wrong_frames(wire: Wire, own: Mapping[str, str], parameters: Mapping[str, str | int]) -> Iterator[str]:
+def wrong_frames(wire: Wire, own: Mapping[str, str], parameters: Mapping[str, str | float]) -> Iterator[str]:
     """Frames of lines that make no sense; `own` are those of single lines, by place."""
     answers = [form for form in wire.reply if "{line}" in form] or [" or ".join(wire.reply)]
     every = [("wire.request", wire.request), *own.items(), *(("wire.reply", form) for form in answers)]

@@ -1,8 +1,8 @@
 """Forms: a line of text with named fields in braces, for whoever reads it and whoever writes it.
 
 `S {state} {value:10.2} {unit}` is `S S     100.00 g`. After the name stands, as in Python, what is always so: `+` (a
-sign), `0` (zeros before), width, decimals, and the kind: `e` with exponent, `d` whole, `x` hexadecimal. `{}` is any
-text. One space stands for any number of spaces; `{{` and `}}` are braces.
+sign), `0` (zeros before), width, decimals, and the kind: `e` with exponent, `e2` with one of a sign and two digits, `d`
+whole, `x` hexadecimal. `{}` is any text. One space stands for any number of spaces; `{{` and `}}` are braces.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-_HOLE = re.compile(r"\{\{|\}\}|\{([a-z_][a-z0-9_]*)?(?::([^{}]*))?\}|[{}]")
-_SPEC = re.compile(r"(<)?(\+)?(0)?([1-9][0-9]?)?(?:\.([0-9]{1,2}))?([edx])?")
+_HOLE = re.compile(r"\{\{|\}\}|\{([A-Za-z_][A-Za-z0-9_]*)?(?::([^{}]*))?\}|[{}]")
+_SPEC = re.compile(r"(<)?(\+)?(0)?([1-9][0-9]?)?(?:\.([0-9]{1,2}))?([dx]|e2?)?")
 _ANY_NUMBER = r"[+-]? *(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[Ee][+-]?[0-9]{1,3})?"
 TEXTS = {
     "unit": r"[A-Za-z%*\u00b0][A-Za-z0-9%/*^._ -]*?",
@@ -41,7 +41,7 @@ class Field:
         zeros: whether zeros fill its width.
         width: number of characters, 0 if it varies.
         decimals: of a number, -1 if they vary.
-        kind: "e", "d", "x", or "" for a number without exponent, or for a text.
+        kind: "e", "e2", "d", "x", or "" for a number without exponent, or for a text.
     """
 
     name: str
@@ -80,8 +80,10 @@ class Field:
                 return "[0-9A-Fa-f]+"
             case "d":
                 return f"{sign}[0-9]+"
-            case "e":
-                return rf"{sign}[0-9]\.[0-9]{digits}[Ee][+-]?[0-9]{{1,3}}"
+            case "e" | "e2":
+                power = "[+-]?[0-9]{1,3}" if self.kind == "e" else "[+-][0-9]{2}"
+                one = rf"{sign}[0-9]\.[0-9]{digits}[Ee]{power}"
+                return f"{one}(?:,{one})*" if self.name == "values" else one
         if self.decimals == 0:
             return rf"{sign} *[0-9]+\.?"
         if self.decimals > 0:
@@ -114,11 +116,11 @@ class Field:
                 if value < 0:
                     raise ValueError(f"{value} does not fit into {self.width} hexadecimal digits")
         elif self.decimals >= 0:
-            value = round(value, self.decimals) + 0.0 if self.kind != "e" else value
-        digits = 9 if self.decimals < 0 and self.kind == "e" else self.decimals
+            value = round(value, self.decimals) + 0.0 if self.kind[:1] != "e" else value
+        digits = 9 if self.decimals < 0 and self.kind[:1] == "e" else self.decimals
         decimals = f".{digits}" if digits >= 0 and self.kind not in ("d", "x") else ""
         if self.kind or self.decimals >= 0:
-            kind = {"": "f", "e": "E", "d": "d", "x": "X"}[self.kind]
+            kind = {"": "f", "e": "E", "d": "d", "x": "X"}[self.kind[:1]]
             align = "<" if self.left else ""
             plus = "+" if self.sign else ""
             zeros = "0" if self.zeros else ""
@@ -213,7 +215,7 @@ class Form:
             part if isinstance(part, str) else part.write(values[part.name]) if part.name else "" for part in self.parts
         )
 
-    def filled(self, known: Mapping[str, str | int]) -> Form:
+    def filled(self, known: Mapping[str, str | float]) -> Form:
         """The same with known fields as texts."""
         if not self.fields.keys() & known.keys():
             return self
@@ -236,7 +238,7 @@ class Form:
 def _field(name: str, spec: str, text: str) -> Field:
     found = _SPEC.fullmatch(spec)
     if found is None:
-        raise ValueError(f"{{{name}:{spec}}} in {text!r}: after the colon: + 0 width .decimals and e, d or x")
+        raise ValueError(f"{{{name}:{spec}}} in {text!r}: after the colon: + 0 width .decimals and e, e2, d or x")
     left, sign, zeros, width, decimals, kind = found.groups()
     digits = -1 if decimals is None else int(decimals)
     return Field(name, bool(left), bool(sign), bool(zeros), int(width or 0), digits, kind or "")

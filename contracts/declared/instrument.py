@@ -15,6 +15,7 @@ from rig.contracts.declared.defects import WHERE, said, unknown_fields, unknown_
 from rig.contracts.declared.exchanges import Ask, Check, Strict, Tell, Tells, Texts
 from rig.contracts.declared.forms import Form
 from rig.contracts.declared.hooks import Function, hooks
+from rig.contracts.declared.options import computed, filled, wrong_answers, wrong_choices, wrong_formulas
 from rig.contracts.declared.roles import Mark, Reader, Source, Unit
 from rig.contracts.declared.wire import Errors, Identity, Wire
 
@@ -45,7 +46,15 @@ class Instrument(Strict):
     scpi: bool = Field(
         False, description="it has *IDN?, SYST:ERR? and *ESE, so that identity, errors and mark may be left out"
     )
-    parameters: dict[str, str | int] = Field({}, description="what the bench file may set, with its default: {node}")
+    parameters: dict[str, str | int | float] = Field(
+        {}, description="what the bench file may set, with its default: {node}"
+    )
+    choices: dict[str, tuple[str | int | float, ...]] = Field(
+        {}, description="all values that a parameter may have, or baud or frame of the wire"
+    )
+    formulas: dict[str, str] = Field(
+        {}, description="numbers of the reader that follow from parameters: `2 * nplc / line_Hz + 0.001 * (nplc < 1)`"
+    )
     wire: Wire = Wire()
     identity: Identity | None = Field(None, description="who it is")
     words: dict[str, str] = Field({}, description="words of all answers; see Ask")
@@ -76,6 +85,16 @@ class Instrument(Strict):
     def hooks(self) -> Mapping[str, Function]:
         """Functions of its hook, {} without one; this runs its code. Raises `ValueError`."""
         return hooks(self.hook, self.hook_sha256) if self.hook else {}
+
+    def chosen(self, options: Mapping[str, Any]) -> Instrument:
+        """The table of one instrument: its parameters, and what follows from them, as a bench file has them."""
+        own = {name: type(default)(options.get(name, default)) for name, default in self.parameters.items()}
+        found: dict[str, Any] = {"parameters": own}
+        found |= {"check": filled(self.check, own), "healthy": filled(self.healthy, own)}
+        if self.reader is not None and self.formulas:
+            numbers = {key: computed(text, own) for key, text in self.formulas.items()}
+            found["reader"] = self.reader.model_copy(update=numbers)
+        return self.model_copy(update=found) if own else self
 
     @property
     def any_model(self) -> bool:
@@ -125,13 +144,15 @@ class Instrument(Strict):
         if self.modbus:
             return 0.0 if (ask.type or self.wire.type) == "float32" else abs(ask.scale)
         fields = [field for form in ask.forms for field in Form(form).fields.values() if field.name != "mark"]
-        stepped = [f for f in fields if (f.decimals >= 0 and f.kind != "e") or f.kind in ("d", "x")]
+        stepped = [f for f in fields if (f.decimals >= 0 and f.kind[:1] != "e") or f.kind in ("d", "x")]
         return max((abs(ask.scale) * 10.0 ** -max(field.decimals, 0) for field in stepped), default=0.0)
 
     def asks(self) -> Iterator[tuple[str, Ask]]:
         """All its questions, with their place in the file."""
         if self.identity is not None:
             yield "identity", self.identity
+        if self.wire.done is not None:
+            yield "wire.done", self.wire.done
         for name, several in (("check", self.check), ("healthy", self.healthy)):
             yield from ((f"{name}[{n}]", one) for n, one in enumerate(several))
         if self.mark is not None:
@@ -151,6 +172,7 @@ class Instrument(Strict):
     def tells(self) -> Iterator[tuple[str, Tell]]:
         """All its commands, with their place in the file."""
         found: list[tuple[str, tuple[Tell, ...]]] = [("prepare", self.prepare), ("local", self.local)]
+        found += [("wire.remote", (Tell(tell=self.wire.remote),))] if self.wire.remote else []
         found += [("mark.tell", self.mark.tell)] if self.mark is not None else []
         if self.reader is not None:
             found += [(f"reader.{key}", getattr(self.reader, key)) for key in ("select", "start", "number", "abort")]
@@ -196,6 +218,9 @@ class Instrument(Strict):
                 yield f"source has no safe state: {WHERE['safe']}"
 
     def _wrong(self) -> Iterator[str]:
+        yield from wrong_choices(self.choices, {"baud": self.wire.baud, "frame": self.wire.frame, **self.parameters})
+        yield from wrong_answers((*self.check, *self.healthy), self.parameters)
+        yield from wrong_formulas(self.formulas, self.parameters, reads=self.reader is not None)
         if self.hook and not self.lines:
             yield "hook is for lines of text, which neither registers nor messages nor a bridge have"
         if self.source is not None:
@@ -227,7 +252,7 @@ class Instrument(Strict):
 
 _OF_LINES = frozenset(
     ("baud", "frame", "flow", "send_end", "reply_end", "echo", "preamble", "request", "reply", "checksum", "skip")
-)
+) | {"clear", "clear_drops_dtr", "remote", "done"}
 """Keys of the wire that messages do not have."""
 _OF_MESSAGES = frozenset(("dbc", "cyclic", "counter", "identifiers_plus"))
 """Keys of the wire that nothing else has."""

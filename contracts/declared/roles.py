@@ -101,7 +101,7 @@ class Source(Strict):
         for one in self.set:
             if one.tell is not None:
                 field = Form(one.tell).fields.get("value")
-                if field is not None and (field.decimals >= 0 or field.kind in ("d", "x")) and field.kind != "e":
+                if field is not None and (field.decimals >= 0 or field.kind in ("d", "x")) and field.kind[:1] != "e":
                     return abs(one.scale) * 10.0 ** -max(field.decimals, 0)
             elif one.value is None and one.type != "float32":
                 return 0.0 if one.type is None and one.scale == 1.0 else abs(one.scale)

@@ -148,7 +148,7 @@ class Frame:
         ('#ID2E', ('ID', ''), ('ID', '2E'))
     """
 
-    def __init__(self, template: str, checksum: Checksum | None, known: Mapping[str, str | int]) -> None:
+    def __init__(self, template: str, checksum: Checksum | None, known: Mapping[str, str | float]) -> None:
         hole = _HOLE.search(template)
         self._sum = checksum if hole is not None else None
         self._digits = int(hole[1] or 0) if hole is not None else 0
@@ -163,7 +163,7 @@ class Frame:
         pieces = [self._pattern(piece, known) for piece in (before, over, after)]
         self._read = re.compile("{}(?P<part_>{}){}".format(*pieces), re.ASCII | re.DOTALL)
 
-    def _pattern(self, piece: str, known: Mapping[str, str | int]) -> str:
+    def _pattern(self, piece: str, known: Mapping[str, str | float]) -> str:
         hole = _HOLE.search(piece)
         if hole is None or self._sum is None:
             return Form(piece).filled(known).pattern()
@@ -203,7 +203,7 @@ class Replies:
         ValueError: see `Frame`.
     """
 
-    def __init__(self, templates: Sequence[str], checksum: Checksum | None, known: Mapping[str, str | int]) -> None:
+    def __init__(self, templates: Sequence[str], checksum: Checksum | None, known: Mapping[str, str | float]) -> None:
         self._bare = [Form(text).filled(known).write({}) for text in templates if "{line}" not in text]
         self._frames = [Frame(text, checksum, known) for text in templates if "{line}" in text]
 

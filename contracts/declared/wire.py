@@ -33,6 +33,21 @@ class Wire(Strict):
     reply_end: str = Field("", max_length=4, description="end of an answer; left out: as send_end")
     timeout_s: float = Field(2.0, ge=0.05, le=60, description="longest wait for an answer")
     pace_s: float = Field(0.0, ge=0, le=10, description="shortest time from one line to the next")
+    clear: str = Field(
+        "",
+        max_length=4,
+        description="characters by which it gives up what it does and empties its buffers (device clear): sent before "
+        "identity and preparing, and to make a reader safe; GPIB, USB and HiSLIP have their own",
+    )
+    clear_drops_dtr: bool = Field(False, description="whether the line DTR has to be dropped for it")
+    remote: str = Field(
+        "",
+        description="command for remote control over a serial line, sent before identity and preparing; its panel is "
+        'then locked, and `check` is asked after preparing only; never sent with interface = "gpib" in the bench file',
+    )
+    done: Ask | None = Field(
+        None, description="question that it answers once a command that prepares it has been carried out: `*OPC?`"
+    )
     echo: bool = Field(False, description="it sends every line back before its answer")
     preamble: tuple[str, ...] = Field(
         (), description="lines before all others, and whenever another instrument has used the wire: `++addr 9`"
@@ -82,13 +97,13 @@ class Wire(Strict):
         """Whether only the frame tells where an answer ends: it has no end, or bytes that may look like one."""
         return not self.send_end or (self.checksum is not None and self.checksum.binary)
 
-    def frames(self, known: Mapping[str, str | int]) -> tuple[FrameOfLine, Replies] | None:
+    def frames(self, known: Mapping[str, str | float]) -> tuple[FrameOfLine, Replies] | None:
         """Frames of what is sent and of answers; None if lines have none. Raises `ValueError`."""
         if self.request == "{line}" and self.reply == ("{line}",):
             return None
         return self.framed(self.request, known), Replies(self.reply, self.checksum, known)
 
-    def framed(self, template: str, known: Mapping[str, str | int]) -> FrameOfLine:
+    def framed(self, template: str, known: Mapping[str, str | float]) -> FrameOfLine:
         """The frame of one line. Raises `ValueError`."""
         return FrameOfLine(template, self.checksum, known)
 
@@ -111,6 +126,11 @@ class Errors(Strict):
     ask: str | None = Field(None, description="question for an error, asked after every command")
     answer: Texts = Field(("{code},{text}",), description="forms of its answer: {code} and {text}")
     none: str = Field("0", description="the {code} without an error")
+    each: bool = Field(
+        True,
+        description="it is asked after every command and every fetch; false: once after preparing, and where readings "
+        "are missing",
+    )
     queue: bool = Field(True, description="it is asked again until there is no error")
     bits: dict[str, str] = Field({}, description="errors by number of their bit in {code}, which is then a mask")
     replies: Texts = Field((), description="forms of answers to anything that mean an error: `ES`, `E{code}`")

@@ -37,6 +37,8 @@ class BridgeLine:
         tap: called for every question and answer, as text.
     """
 
+    rs232 = False
+
     def __init__(
         self,
         bridge: Bridge,
@@ -110,6 +112,9 @@ class BridgeLine:
 
     def drain(self, waiting: int = 0) -> None:
         """Values of attributes do not come late."""
+
+    def device_clear(self, character: str, *, with_dtr: bool) -> None:
+        """A library has no such character."""
 
     def takes_s(self, characters: int) -> float:
         """It has no wire of its own."""

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, Field, create_model
+from pydantic import AfterValidator, BaseModel, Field, create_model
 
 from rig.contracts.declared.instrument import Instrument, parse
 from rig.drivers.declared.base import Declared, Remembering
 from rig.drivers.declared.reader import DeclaredReader, OneByOneReader
 from rig.drivers.declared.source import DeclaredSource
+from rig.drivers.scpi import INTERFACE, Interface, one_of
 from rig.drivers.wires import SerialOptions
 from rig.drivers.wires.serial_line import Frame
-from rig.drivers.wires.serial_options import Flow
+from rig.drivers.wires.serial_options import Flow, LineSettings
 
 
 class _Options(SerialOptions):
     """Options in a bench file of any declared instrument on a line of text."""
 
-    def settings(self, address: str) -> tuple[int, str, Flow]:
-        """Baud rate, frame and flow control at an address."""
-        return self.baud, self.frame, self.flow_at(address)  # type: ignore[attr-defined]  # of the made class
+    def settings(self, address: str) -> LineSettings:
+        """Settings of its line at an address."""
+        own: Any = self  # of the made class
+        end = self.send_end if "line_end" in self.model_fields_set else None
+        serial = getattr(own, "interface", "rs232") == "rs232"
+        return LineSettings(own.baud, own.frame, self.flow_at(address), end, serial)
 
 
 class _Plain(BaseModel, extra="forbid"):
@@ -36,8 +40,13 @@ def options_of(table: Instrument) -> type[Any]:
         fields["baud"] = (int, Field(wire.baud, ge=300, le=921600, description="symbols per second"))
         fields["frame"] = (Frame, Field(wire.frame, description="data bits, parity, stop bits"))
         fields["flow"] = (Flow, Field(wire.flow, description="flow control: none, rtscts, xonxoff or dsrdtr"))
+    if table.wire.remote:
+        fields["interface"] = (Interface, Field("rs232", description=INTERFACE))
     for name, default in table.parameters.items():
         fields[name] = (type(default), Field(default, description="parameter of its file"))
+    for name, allowed in table.choices.items():
+        kind, described = fields[name]
+        fields[name] = (Annotated[kind, AfterValidator(one_of(*allowed))], described)
     if table.reader is not None and table.reader.channels:
         known = tuple(table.reader.channels)
         fields["channels"] = (tuple[str, ...], Field(known, description=f"channels that are read: {', '.join(known)}"))

@@ -58,6 +58,7 @@ class Declared:
 
     def _opened(self, address: str, wires: Wires) -> Talk:
         """Open its wire."""
+        self.table = self.table.chosen(vars(self._options))  # type: ignore[misc]  # of one instance
         return _talk(self.table, self.name, address, self._options, wires, self._clock)
 
     def _begin(self) -> None:
@@ -89,8 +90,9 @@ class Declared:
         same = same and table.maker in ("", fields["maker"])
         if asked.is_ is not None:
             same = same and self._talk.agree(found, asked.is_)
-        if not same:
-            if asked.ask and asked.ask.upper() in found.printed.upper():
+        echoed = bool(asked.ask) and (asked.ask or "").upper() in found.printed.upper()
+        if not same or (echoed and str(asked.ask).endswith("?")):
+            if echoed:
                 raise WrongInstrument(
                     f"{self._where} echoes the command before its answer, {found.printed!r}: switch the echo off, "
                     f"at the instrument, the adapter or the serial server"
@@ -100,7 +102,9 @@ class Declared:
 
     def _listen(self) -> None:
         if self.speaks_unasked:
-            self._talk.drain()
+            self._talk.clear()
+        for command in self._talk.remote:
+            self._talk.tell(command, checked=False)
 
     def prepare(self) -> None:
         """Send the commands that prepare it one by one, and read settings back.
@@ -109,16 +113,22 @@ class Declared:
             InstrumentError: a command was refused.
             BadReply: a setting reads back differently.
         """
+        each, done = self.table.errors.each, self.table.wire.done
         self._talk.renew()
         self._give_up()
-        self._talk.forget_errors()
-        for command in self.table.prepare:
-            self._talk.tell(command)
+        if each:
+            self._talk.forget_errors()
+        for command in (*self._talk.remote, *self.table.prepare):
+            self._talk.tell(command, checked=each)
+            if done is not None:  # so that none is sent while it is busy
+                self._talk.ask(done)
+        if not each:
+            self._talk.raise_errors()
         for check in self.table.check:
             self._verify(check)
         if self.table.mark is not None:
             for command in self.table.mark.tell:
-                self._talk.tell(command)
+                self._talk.tell(command, checked=each)
             self._verify(self.table.mark.check)
         self._prepared = True
 
@@ -127,8 +137,9 @@ class Declared:
             raise BadReply(f"{self._where}: {said}, after it was prepared")
 
     def wrong(self) -> Sequence[str]:
-        """Settings that are not as declared: the questions of `check` and `healthy`."""
-        return (*self._unlike(self.table.check), *self._unlike(self.table.healthy))
+        """Settings that are not as declared: the questions of `check`, unless its panel is locked, and `healthy`."""
+        kept = () if self._talk.remote else self._unlike(self.table.check)
+        return (*kept, *self._unlike(self.table.healthy))
 
     def _unlike(self, checks: Sequence[Check]) -> tuple[str, ...]:
         return tuple(said for check in checks if (said := self._talk.right(check, check.is_)))
@@ -175,7 +186,7 @@ def _talk(table: Instrument, name: str, address: str, options: Any, wires: Wires
         from rig.drivers.declared.modbus import ModbusTalk  # noqa: PLC0415 - few benches have one
 
         return ModbusTalk(table, name, address, wires, clock)
-    parameters = {key: getattr(options, key) for key in table.parameters}
+    parameters = table.parameters
     if table.can:
         from rig.drivers.declared.can import CanTalk  # noqa: PLC0415
 

@@ -18,7 +18,7 @@ from rig.drivers.errors import WrongAddress
 from rig.drivers.wires import SerialSettings, Wires
 from rig.drivers.wires.addresses import EpicsAddress, SerialAddress, parse_address
 from rig.drivers.wires.line import Line
-from rig.drivers.wires.serial_options import Flow
+from rig.drivers.wires.serial_options import LineSettings
 from rig.drivers.wires.visa_address import VisaAddress
 
 _WITH_UNIT, _OF_ANY_UNIT = ("{value}", "{value} {unit}"), ("{value}", "{value} {}")
@@ -41,15 +41,13 @@ class BridgedTalk(TextTalk):
         table: Instrument,
         name: str,
         address: str,
-        parameters: Mapping[str, str | int],
+        parameters: Mapping[str, str | float],
         wires: Wires,
         clock: Clock,
     ) -> None:
-        super().__init__(table, name, address, (9600, "8N1", "none"), parameters, wires, clock)
+        super().__init__(table, name, address, LineSettings(), parameters, wires, clock)
 
-    def _opened(
-        self, table: Instrument, name: str, address: str, settings: tuple[int, str, Flow], wires: Wires
-    ) -> Line:
+    def _opened(self, table: Instrument, name: str, address: str, settings: LineSettings, wires: Wires) -> Line:
         """The bridge as a line; a library is imported at its first use."""
         of, where = bridged(table.bridge), f"{name} at {address}"
         forms = [Form(line).filled(self._parameters) for line in _readings(table)]

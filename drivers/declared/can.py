@@ -54,7 +54,7 @@ class CanTalk(Talk):
         table: Instrument,
         name: str,
         address: str,
-        parameters: Mapping[str, str | int],
+        parameters: Mapping[str, str | float],
         wires: Wires,
         clock: Clock,
     ) -> None:
@@ -68,7 +68,7 @@ class CanTalk(Talk):
         self._counts: dict[tuple[str, frozenset[str]], float] = {}
         self._sent: dict[str, dict[str, float | str]] = {}  # signals of each message as sent last
         self._ours = False  # whether a frame is heard while we listen, so that it came now
-        self._listened = self._told = self._free = self._swept = -math.inf
+        self._listened = self._told = self._swept = -math.inf
         self._used: dict[str, float] = {}  # when the frame came that has answered a question for a signal
         reading_s = table.reader.reading_s if table.reader is not None else 0.0
         self._reading_s = max(reading_s, _FRAME_S)
@@ -155,7 +155,7 @@ class CanTalk(Talk):
 
     def once(self, ask: Ask, holes: Holes = NOTHING, timeout_s: float | None = None, *, repeat: bool = True) -> Answer:
         """The value of a signal. Raises `NoReply`, `BadReply`, `InstrumentError`."""
-        self._paced()
+        self.paced()
         paths = [path for path in (ask.ask, ask.status, getattr(ask, "serial", None)) if path is not None]
         messages = [self._place(path)[0] for path in paths]
         seconds = (timeout_s or ask.timeout_s or self.table.wire.timeout_s) + _PERIODS * max(
@@ -244,7 +244,7 @@ class CanTalk(Talk):
 
     def tell(self, tell: Tell, holes: Holes = NOTHING, *, checked: bool = True) -> None:
         """Send a message. Never repeated, unless the file says that it is cyclic. Raises `InstrumentError`."""
-        self._paced()
+        self.paced()
         self._caught_up()
         answers = [dbc.told(answer) for answer in tell.answer]
         self._forget(dict(answers))
@@ -256,8 +256,7 @@ class CanTalk(Talk):
                 right = [word for other, word in answers if other == path]
                 if not any(str(value) == word or agrees(word, _plain(value)) for word in right):
                     self._refused(line, path, value)
-        if tell.wait_s:
-            self._free = self.clock.now() + tell.wait_s
+        self.waits(tell)
         if checked:
             self.raise_errors(line)
 
@@ -295,11 +294,6 @@ class CanTalk(Talk):
             self.line.send(self._id(message), data)
         self._told = self.clock.now()
         return text
-
-    def _paced(self) -> None:
-        if self.table.wire.pace_s or self._free > -math.inf:
-            self.clock.sleep(self._free - self.clock.now())
-            self._free = self.clock.now() + self.table.wire.pace_s
 
     def raise_errors(self, line: str = "") -> None:
         """Look at the signal for errors. Raises `InstrumentError`."""

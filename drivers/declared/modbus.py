@@ -34,7 +34,6 @@ class ModbusTalk(Talk):
         self.line = wires.modbus(address, name, table.wire.timeout_s)
         super().__init__(table, clock, self.line.where)
         self._big = table.wire.word_order == "big"
-        self._free = -math.inf
 
     def _format(self, one: Register) -> str:
         return _FORMATS[one.type if one.type in _FORMATS else self.table.wire.type]
@@ -42,23 +41,18 @@ class ModbusTalk(Talk):
     def _number(self, register: int | None) -> int:
         return (register or 0) - self.table.wire.first_register
 
-    def _paced(self) -> None:
-        if self.table.wire.pace_s or self._free > -math.inf:
-            self.clock.sleep(self._free - self.clock.now())
-            self._free = self.clock.now() + self.table.wire.pace_s
-
     def _places(self, one: Register) -> float:
         """Power of ten by the register that says how many decimals a number has. Raises `BadReply`."""
         if one.decimals is None:
             return 1.0
-        self._paced()
+        self.paced()
         (places,) = self.line.read(self._number(one.decimals))
         if places > 6:
             raise BadReply(f"{self.where}: register {one.decimals} should be a number of decimals, and is {places}")
         return 10.0**-places
 
     def _read(self, one: Register) -> float:
-        self._paced()
+        self.paced()
         number = self._number(one.register_)
         if one.table in ("coil", "discrete"):
             return float(self.line.read(number, table=one.table)[0])
@@ -83,13 +77,12 @@ class ModbusTalk(Talk):
         """Write a register. Never repeated. Raises `InstrumentError`."""
         value = tell.value if tell.value is not None else float(holes["value"]) / self._places(tell)
         number = self._number(tell.register_)
-        self._paced()
+        self.paced()
         if tell.table == "coil":
             self.line.write(number, [int(value)], table="coil")
         else:
             self.line.write(number, self._words(tell, value))
-        if tell.wait_s:
-            self._free = self.clock.now() + tell.wait_s
+        self.waits(tell)
 
     def _words(self, tell: Tell, value: float) -> Sequence[int]:
         form = self._format(tell)

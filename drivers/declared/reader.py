@@ -32,6 +32,10 @@ class DeclaredReader(Declared):
         self._count = self._mark = 0
         self._due = 0.0
         self._forms = {name: PrintedForm() for name in self._channels}
+        fetch = self._reader.fetch
+        fixed = fetch is not None and all("{values:+." in form and "e2}" in form for form in fetch.forms)
+        # no digit is lost on other wires, and a form that fixes every character has nothing to be learned
+        self._learns = self.table.lines and not fixed
         asked = self._reader.reading.ask if self._reader.reading is not None else None
         own = any(one.reading is not None for one in self._channels.values())
         # whether each channel has a question of its own
@@ -101,12 +105,16 @@ class DeclaredReader(Declared):
                     for name, reading in self._sweep().items():
                         found[name].append(reading)
         except DriverError:
+            # errors are often the reason; one that has to be cleared does not answer before
+            steps = (self._talk.raise_errors, self._give_up)
+            first, last = reversed(steps) if self.table.wire.clear else steps
             try:
-                self._talk.raise_errors()  # often the reason
+                first()
             finally:
-                self._give_up()
+                last()
             raise
-        self._talk.raise_errors()
+        if self.table.errors.each:
+            self._talk.raise_errors()
         return {name: self._of_one_form(name, readings) for name, readings in found.items()}
 
     def _of_one_form(self, name: str, readings: Sequence[tuple[str, float]]) -> list[float]:
@@ -184,7 +192,7 @@ class DeclaredReader(Declared):
         return self._value(found.fields.get(ask.field, ""), found.value)
 
     def _value(self, printed: str, value: float) -> tuple[str, float]:
-        if not self.table.lines:  # no digit is lost on the way, and numbers have no form
+        if not self._learns:
             printed = ""
         if abs(value) >= self._reader.overload:
             return printed, OVERLOAD if value > 0 else -OVERLOAD
@@ -216,7 +224,7 @@ class DeclaredReader(Declared):
 
     def _give_up(self) -> None:
         self._count = 0
-        self._talk.drain()
+        self._talk.clear()
         for command in self._reader.abort:
             self._talk.tell(command, checked=False)
         if self._reader.abort:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -48,6 +49,7 @@ class Talk(ABC):
     def __init__(self, table: Instrument, clock: Clock, where: str) -> None:
         self.table, self.clock, self.where = table, clock, where
         self.hooks: Mapping[str, Function] = {}
+        self._free = -math.inf  # the time from which the next line, request or message may be sent
 
     @abstractmethod
     def once(self, ask: Ask, holes: Holes = NOTHING, timeout_s: float | None = None, *, repeat: bool = True) -> Answer:
@@ -56,6 +58,18 @@ class Talk(ABC):
     @abstractmethod
     def tell(self, tell: Tell, holes: Holes = NOTHING, *, checked: bool = True) -> None:
         """Send a command; if `checked`, look whether it was refused. Never repeated. Raises `InstrumentError`."""
+
+    def paced(self) -> None:
+        """Keep the distance to what was sent last."""
+        pace_s = self.table.wire.pace_s
+        if pace_s or self._free > -math.inf:
+            self.clock.sleep(self._free - self.clock.now())
+            self._free = self.clock.now() + pace_s
+
+    def waits(self, tell: Tell) -> None:
+        """Note the time that a command takes."""
+        if tell.wait_s:
+            self._free = self.clock.now() + tell.wait_s
 
     @abstractmethod
     def close(self) -> None:
@@ -82,6 +96,15 @@ class Talk(ABC):
 
     def drain(self) -> None:  # noqa: B027
         """Listen until it is silent."""
+
+    def clear(self) -> None:
+        """Have it give up what it does, if it can be told to; listen until it is silent."""
+        self.drain()
+
+    @property
+    def remote(self) -> tuple[Tell, ...]:
+        """The command for remote control, which locks its panel; () if there is none on this wire."""
+        return ()
 
     def takes_s(self, characters: int) -> float:
         """Maximum bench seconds for this many characters on the wire."""

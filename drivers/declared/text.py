@@ -19,7 +19,7 @@ from rig.drivers.errors import BadReply, InstrumentError, NoReply
 from rig.drivers.scpi import agrees, forget_errors
 from rig.drivers.wires import SerialSettings, Wires
 from rig.drivers.wires.line import Line
-from rig.drivers.wires.serial_options import Flow
+from rig.drivers.wires.serial_options import LineSettings
 
 _NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?")
 _PERIODS = 3  # a line that is torn, one that is lost, and one more
@@ -42,7 +42,7 @@ class TextTalk(Talk):
         table: its file.
         name: the bench's name for it.
         address: text address.
-        baud, frame, flow: as the bench file has them.
+        settings: of the line, as the bench file has them.
         parameters: by name.
         wires: where to open it.
         clock: bench time.
@@ -56,8 +56,8 @@ class TextTalk(Talk):
         table: Instrument,
         name: str,
         address: str,
-        settings: tuple[int, str, Flow],
-        parameters: Mapping[str, str | int],
+        settings: LineSettings,
+        parameters: Mapping[str, str | float],
         wires: Wires,
         clock: Clock,
     ) -> None:
@@ -67,25 +67,25 @@ class TextTalk(Talk):
         super().__init__(table, clock, self.line.where)
         self._frames = wire.frames(parameters)
         self._end = wire.reply_end or wire.send_end
-        self._free = -math.inf  # the time from which the next line may be sent
         self._compiled: dict[int, _Compiled] = {}
         self._refusals = [self._form(text) for text in table.errors.replies]
         self._errors = [self._form(text) for text in table.errors.answer]
         self._skipped = [self._form(text) for text in wire.skip]
         self._begun = False
+        serial = settings.serial and self.line.rs232
+        self._clears_with_dtr = serial and wire.clear_drops_dtr
+        self._remote = (Tell(tell=wire.remote),) if wire.remote and serial else ()
 
-    def _opened(
-        self, table: Instrument, name: str, address: str, settings: tuple[int, str, Flow], wires: Wires
-    ) -> Line:
+    def _opened(self, table: Instrument, name: str, address: str, settings: LineSettings, wires: Wires) -> Line:
         """Open the line. Raises `Unreachable`."""
-        wire, (baud, frame, flow) = table.wire, settings
+        wire = table.wire
         return wires.serial(
             address,
             SerialSettings(
-                baud,
-                frame,  # type: ignore[arg-type]  # the schema has the same list
-                flow,
-                send_end=wire.send_end.encode("ascii"),
+                settings.baud,
+                settings.frame,  # type: ignore[arg-type]  # the schema has the same list
+                settings.flow,
+                send_end=wire.send_end.encode("ascii") if settings.send_end is None else settings.send_end,
                 reply_end=(wire.reply_end or wire.send_end).encode("ascii")[-1:],
                 timeout_s=wire.timeout_s,
                 sync=None if self._shared or wire.echo or wire.request != "{line}" else _sync(table),
@@ -119,9 +119,7 @@ class TextTalk(Talk):
     def _begin(self) -> None:
         """Keep the distance of lines; take the wire if another instrument has used it."""
         wire = self.table.wire
-        if wire.pace_s or self._free > -math.inf:
-            self.clock.sleep(self._free - self.clock.now())
-            self._free = self.clock.now() + wire.pace_s
+        self.paced()
         if self._shared and self.line.user is not self:
             for text in wire.preamble:
                 self.line.write(self._form(text).write({}))
@@ -189,7 +187,8 @@ class TextTalk(Talk):
             raw = self._query(line, ask.lines, timeout_s or ask.timeout_s, compiled.frame, repeat=repeat)
         except NoReply:
             first = self.table.identity.ask if self.table.identity is not None else None
-            if line not in (self.table.errors.ask, first):  # before it is known, it is asked nothing else
+            # before it is known, it is asked nothing else
+            if self.table.errors.each and line not in (self.table.errors.ask, first):
                 with contextlib.suppress(NoReply, BadReply):
                     self.raise_errors(line)
             raise
@@ -308,8 +307,7 @@ class TextTalk(Talk):
                 raise self.line.bad_reply(line, raw, " or ".join(map(repr, tell.answer)))
         else:
             self._write(line, compiled.frame)
-        if tell.wait_s:
-            self._free = self.clock.now() + tell.wait_s
+        self.waits(tell)
         if checked:
             self.raise_errors(line)
 
@@ -351,6 +349,19 @@ class TextTalk(Talk):
         if self.table.wire.protocol != "stream":
             self._begin()
             self.line.drain()
+
+    def clear(self) -> None:
+        """Have it give up what it does, if it can be told to; listen until it is silent."""
+        if self.table.wire.clear:
+            self._begin()
+            self.line.device_clear(self.table.wire.clear, with_dtr=self._clears_with_dtr)
+        else:
+            self.drain()
+
+    @property
+    def remote(self) -> tuple[Tell, ...]:
+        """The command for remote control, which locks its panel; () if there is none on this wire."""
+        return self._remote
 
     def renew(self) -> None:
         """Send the preamble again before the next line: the instrument, or its adapter, may have been off."""

@@ -22,6 +22,15 @@ class Line(Protocol):
         """The instrument and its address, for messages."""
         ...
 
+    @property
+    def rs232(self) -> bool:
+        """Whether it may be a serial line of the instrument, wherever it passes on the way."""
+        ...
+
+    def device_clear(self, character: str, *, with_dtr: bool) -> None:
+        """Have the instrument give up what it does, and listen until it is silent."""
+        ...
+
     def write(self, text: str) -> None:
         """Send a command without reply."""
         ...

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pydantic import BaseModel, Field
 
@@ -18,6 +18,24 @@ _ENDS: Mapping[LineEnd, bytes] = {"lf": b"\n", "cr": b"\r", "crlf": b"\r\n"}
 
 LINE_END = "end of a command: lf, cr or crlf"
 FLOW = "flow control: none, rtscts, xonxoff or dsrdtr"
+
+
+class LineSettings(NamedTuple):
+    """Settings of a line that a bench file has.
+
+    Attributes:
+        baud: symbols per second.
+        frame: data bits, parity, stop bits.
+        flow: flow control.
+        send_end: end of a line that is sent, if it is not that of the instrument's file.
+        serial: whether the instrument's own interface is a serial one.
+    """
+
+    baud: int = 9600
+    frame: str = "8N1"
+    flow: Flow = "none"
+    send_end: bytes | None = None
+    serial: bool = True
 
 
 class SerialOptions(BaseModel, extra="forbid"):

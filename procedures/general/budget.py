@@ -25,6 +25,8 @@ from rig.procedures.general.strata_of_run import (
     setting_of,
     told_of,
 )
+from rig.procedures.present.meant import meant
+from rig.procedures.present.terms import in_words
 from rig.procedures.tables.table import Columns, Table
 
 GRID = 33
@@ -42,7 +44,8 @@ def _abscissa(output: str, model: SensorModel, table: Table) -> str | None:
         return None
     names = Formula.parse(model.formula).names
     if model.abscissa is not None and model.abscissa not in names:
-        raise DataError(f"the model of {output}: abscissa = {model.abscissa!r} is not in its formula, {model.formula}")
+        where = f"the model of {output}: abscissa = {model.abscissa!r}"
+        raise DataError(f"{where} is not in its formula, {model.formula}{meant(model.abscissa, names)}")
     factors = [name for name in names if name in table.factors]
     return model.abscissa or (factors[0] if len(factors) == 1 and len(names) > 1 else None)
 
@@ -120,7 +123,8 @@ class GeneralEvaluation(EvaluationBySensor):
         formula = next(one for one in self._each if one.name == sensor).calibration.formula
         unit = spelled(unit_of(sensor))
         if isinstance(formula, Formula):
-            return f"Output in {unit}: the sum of all coefficients, each times its term, by the model {formula}"
+            model = in_words(str(formula))
+            return f"Output in {unit}: the sum of all coefficients, each times its term, by the model {model}"
         return f"Output in {unit}: {formula}"
 
     def charted(self, sensor: str) -> tuple[str, FloatArray]:

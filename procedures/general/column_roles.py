@@ -27,6 +27,7 @@ from rig.procedures.general.formula_settings import settings_of, subtracted
 from rig.procedures.general.order import Parts, alike, identities, time_of
 from rig.procedures.general.own_time import seen_by
 from rig.procedures.general.trace import TableData
+from rig.procedures.present.meant import meant
 from rig.procedures.tables.file_rows import rows_of_file
 from rig.procedures.tables.moving import sentences
 from rig.procedures.tables.table import Columns, Reader, Table
@@ -124,7 +125,9 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
     there = [*table.columns, *table.text, *table.gaps]
     missing = [name for name in roles.ignore if name not in there]
     if missing:
-        raise FitError(f"--ignore: there is no column {missing[0]!r}; the table has {', '.join(there)}")
+        raise FitError(
+            f"--ignore: there is no column {missing[0]!r}; the table has {', '.join(there)}{meant(missing[0], there)}"
+        )
     notes: list[str] = []
     free = _free(table, roles, (*formula.names, *response.names))
     given = subtracted(response)

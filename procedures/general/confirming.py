@@ -50,7 +50,7 @@ NOT_OURS = (
 
 def cannot_confirm(table: Table, options: TraceOptions) -> str:
     """Why no further run can confirm the findings in a run; see `rig.procedures.kind.Kind.cannot_confirm`."""
-    others = options.model_fields_set - {"response", "formula"}
+    others = options.model_fields_set - {"response", "formula", "ignore"}
     asked = None if others else RunModels.of(table, options.response, options.formula)
     if asked is None:
         given = sorted(f"--{name.replace('_', '-')}" for name in others or {"response"})

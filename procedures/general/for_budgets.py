@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.general.budget import _AT, GeneralEvaluation
+from rig.procedures.present.meant import meant
 from rig.procedures.tables.table import Table
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ def _check_names(table: Table, at: Sequence[Mapping[str, float]]) -> None:
     """Refuse points of unknown quantities, or of different ones."""
     for one in at:
         if unknown := [name for name in one if name not in table.columns]:
-            raise DataError(f"{_AT}: the run has no {unknown[0]}; its factors are {', '.join(table.factors)}")
+            there = f"its factors are {', '.join(table.factors)}{meant(unknown[0], table.factors)}"
+            raise DataError(f"{_AT}: the run has no {unknown[0]}; {there}")
         if set(one) != set(at[0]):
             raise DataError(f"{_AT}: they have different quantities, {', '.join(at[0])} and {', '.join(one)}")
 

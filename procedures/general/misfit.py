@@ -10,6 +10,7 @@ from rig.procedures.general.factors import DEGC, FactorSettings
 from rig.procedures.general.model_settings import ModelSettings
 from rig.procedures.general.models.named import standard_model
 from rig.procedures.general.models.units import to_model, unit_in
+from rig.procedures.present.meant import meant, nearest
 
 
 def misfit(
@@ -30,8 +31,10 @@ def misfit(
                 return f"{where}.standard = {entry.name!r}: {error}"
         elif model.linear and model.formula is not None:
             unread = [one for one in Formula.parse(model.formula).names if one not in known]
-            if model.abscissa is not None and model.abscissa not in Formula.parse(model.formula).names:
-                return f"{where}.abscissa = {model.abscissa!r} is not in its formula, {model.formula}"
+            names = Formula.parse(model.formula).names
+            if model.abscissa is not None and model.abscissa not in names:
+                near = meant(model.abscissa, names)
+                return f"{where}.abscissa = {model.abscissa!r} is not in its formula, {model.formula}{near}"
             replaced = {factor: one for one, factor in read.items() if factor}
             if twice := [one for one in Formula.parse(model.formula).names if one in replaced]:
                 return (
@@ -45,6 +48,8 @@ def misfit(
 
 def _not_read(name: str, factors: Mapping[str, FactorSettings], read: Mapping[str, str]) -> str:
     """Why a quantity cannot be in a model, and what to declare."""
+    if near := nearest(name, [*factors, *read]):
+        return f"nothing on the bench sets or reads {name}; did you mean {near}?"
     if name.endswith(DEGC):
         there = [one for one in read if one.endswith(DEGC)]
         return (

@@ -14,6 +14,7 @@ from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, simulate
 from rig.procedures.present.effects_shown import show_certificate, show_effect, show_unnamed
 from rig.procedures.present.gross_shown import show_gross, show_left_out
 from rig.procedures.present.numbers import number
+from rig.procedures.present.terms import in_words
 from rig.procedures.present.words import verdict_of
 
 _PREDICTED = {"value", "standard_uncertainty", "df", "confidence95", "prediction95", "outside"}
@@ -53,7 +54,7 @@ def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
     table = Grid(("term", "estimate", "standard error", "df"), title=title)
     for name, value in result["coefficients"].items():
         table.add_row(
-            escape(name), *with_error(value["estimate"], value["stderr"], guard=guard), number(value["df"], 4)
+            escape(in_words(name)), *with_error(value["estimate"], value["stderr"], guard=guard), number(value["df"], 4)
         )
     yield table
     if "model" in result:

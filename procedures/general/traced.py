@@ -29,6 +29,7 @@ from rig.procedures.general.of_runs import RunFitted, RunModels, RunTraced, fit_
 from rig.procedures.general.own_time import TIME
 from rig.procedures.general.trace import FoundTableEffect, TableTrace
 from rig.procedures.general.trace.estimate import of_constants
+from rig.procedures.present.terms import in_words
 from rig.procedures.tables.table import Table
 
 KNOWN = "intervals of the fit itself hold in that state alone, and have no part for the error of this effect"
@@ -162,7 +163,8 @@ def _used(name: str, part: Part, output: str, table: Table, *, covered: bool) ->
         size = f"{np.max(np.abs(part.off)):.3g} {unit_of(output)}".strip()
         state = f"{name} was fitted and taken off: the calibration holds {part.holds}; {KNOWN}"
         return f"{state}{IN_RUN}{output} was up to {size} away from that"
-    told = f"{name} is in the {'model of the results' if covered else 'calibration'}: {', '.join(part.terms)}"
+    terms = ", ".join(map(in_words, part.terms))
+    told = f"{name} is in the {'model of the results' if covered else 'calibration'}: {terms}"
     used = [one for one in recorded(table) if any(one in _NAME.findall(term) for term in part.terms)]
     where = ", ".join(f"{one} ({np.min(table.columns[one]):.5g} to {np.max(table.columns[one]):.5g})" for one in used)
     return f"{told}; readings in use need {where}" if used else told

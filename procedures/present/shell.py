@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterable
 
 
 def shell_word(value: object) -> str:
@@ -12,3 +13,13 @@ def shell_word(value: object) -> str:
     """
     text = str(value)
     return shlex.quote(f"./{text}" if text.startswith("-") else text)
+
+
+def confirming(run: object, ignore: Iterable[str] | None = None) -> str:
+    """The command that confirms what a trace of a run found, with the columns that the trace ignored.
+
+    Example:
+        >>> confirming("runs/night.sqlite", ["flow_side"])
+        'rig confirm runs/night.sqlite --ignore flow_side'
+    """
+    return " ".join([f"rig confirm {shell_word(run)}", *(f"--ignore {shell_word(one)}" for one in ignore or ())])

@@ -24,7 +24,7 @@ class Moving:
     Attributes:
         change: from the first reading to the last, the way of the last change of `of`; mean of the points.
         readings: of a point, at most.
-        of: the factor that was changed.
+        of: the factor that was changed; "" for a movement the same way in every point, whatever was changed.
     """
 
     change: float
@@ -60,10 +60,8 @@ class Moving:
     def by(self, column: str) -> str:
         """How far it goes, in words."""
         size = f"{self.change:.2g} {spelled(unit_of(column))}".rstrip()
-        return (
-            f"by {size} on average from the first to the last of {self.readings} readings, the way of the last change "
-            f"of {self.of}"
-        )
+        way = f"the way of the last change of {self.of}" if self.of else "the same way in every point"
+        return f"by {size} on average from the first to the last of {self.readings} readings, {way}"
 
 
 def sentences(moving: Mapping[str, Moving], output: str, settings: Collection[str]) -> dict[str, str]:
@@ -83,6 +81,11 @@ def sentences(moving: Mapping[str, Moving], output: str, settings: Collection[st
     if found or output not in moving:
         return found
     one = moving[output]
+    if not one.of:
+        return {
+            output: f"{output} drifts inside the points: {one.by(output)}. It warms up or creeps while it is read, or "
+            f"what is set does: the means are of the middle of a point, and no effect of the trace has it"
+        }
     return {
         output: f"{output} still moved while it was read: {one.by(output)}. It follows late, or {one.of} had not "
         f"settled and no standard shows it: wait longer ([settle] dwell_s)"

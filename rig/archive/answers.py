@@ -118,11 +118,12 @@ def due(lab: Lab) -> list[Due]:
 
 
 def _items(lab: Lab) -> Iterator[Due]:
-    query = """SELECT item.key, name, maker, model, serial, asset, certificate.number, ended, certificate.next_due,
-            simulated, customer, forecast
-        FROM item JOIN certificate ON certificate.path = last
-            JOIN thing ON thing.path = last AND role = 'item' AND thing.key = item.key
-        GROUP BY item.key"""
+    query = """SELECT * FROM (
+            SELECT item.key, name, maker, model, serial, asset, certificate.number, ended, next_due, simulated,
+                customer, forecast, row_number() OVER (PARTITION BY item.key ORDER BY name) AS copy
+            FROM item JOIN certificate ON certificate.path = last
+                JOIN thing ON thing.path = last AND role = 'item' AND thing.key = item.key) every
+        WHERE copy = 1 ORDER BY key"""
     for row in lab.rows(query):
         drift = Forecast(**json.loads(row["forecast"]))
         yield Due(
@@ -139,8 +140,11 @@ def _items(lab: Lab) -> Iterator[Due]:
 
 
 def _equipment(lab: Lab) -> Iterator[Due]:
-    query = """SELECT key, name, maker, model, serial, asset, number, max(dated) dated, due FROM thing
-        WHERE role = 'owned' GROUP BY key"""
+    query = """SELECT * FROM (
+            SELECT key, name, maker, model, serial, asset, number, dated, due,
+                row_number() OVER (PARTITION BY key ORDER BY coalesce(dated, '') DESC, path) AS copy
+            FROM thing WHERE role = 'owned') every
+        WHERE copy = 1 ORDER BY key"""
     for row in lab.rows(query):
         why = "no certificates of it are here" if row["number"] else "it has no certificate"
         yield Due(
@@ -194,7 +198,7 @@ def affected(lab: Lab, name: str, since: date | None = None, until: date | None 
     while waiting:
         who, begins, ends, through = waiting.pop(0)
         for row in _using(lab, who, begins, ends):
-            items = lab.rows("SELECT * FROM thing WHERE path = ? AND role = 'item'", row["path"])
+            items = lab.rows("SELECT * FROM thing WHERE path = ? AND role = 'item' ORDER BY key", row["path"])
             if row["number"] not in found:
                 found[row["number"]] = _affected(row, items, through)
             for item in map(_thing, items):
@@ -207,14 +211,14 @@ def affected(lab: Lab, name: str, since: date | None = None, until: date | None 
 
 def _using(lab: Lab, who: str, first: str, last: str) -> Sequence[dict[str, Any]]:
     """Certificates of calibrations in a time that used what is called so."""
-    query = f"""SELECT certificate.*, (SELECT later.number FROM certificate later
-            WHERE later.replaces = certificate.number AND later.replaces <> '') replaced_by
+    query = f"""SELECT certificate.*, (SELECT min(later.number) FROM certificate later
+            WHERE later.replaces = certificate.number AND later.replaces <> '') AS replaced_by
         FROM certificate WHERE ended >= ?2 AND began <= ?3 AND path IN (
             SELECT path FROM thing WHERE role = 'used' AND number = ?1
-            UNION SELECT path FROM thing WHERE role = 'used' AND key IN (SELECT key FROM ({_NAMED}))
+            UNION SELECT path FROM thing WHERE role = 'used' AND key IN (SELECT key FROM ({_NAMED}) named)
             UNION SELECT path FROM thing WHERE role = 'used' AND asset IN (
-                SELECT asset FROM ({_NAMED}) WHERE asset <> ''))
-        ORDER BY ended"""
+                SELECT asset FROM ({_NAMED}) named WHERE asset <> ''))
+        ORDER BY ended, number, path"""
     return lab.rows(query, who, first, last)
 
 

@@ -1,4 +1,4 @@
-"""The index of a laboratory's folder: an SQLite file that is made of the files in it, and may be removed at any time.
+"""The index of a laboratory's folder: it is made of the files there, and may be removed at any time.
 
 A folder is read again when its date of change is another than before, and so are registers, which people edit. Files of
 certificates are written once and never change; `rebuild` reads them all the same.
@@ -14,42 +14,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import apsw
-
 from rig.archive.documents import Issued, Kept, Thing, may_be_kept, read_kept
 from rig.archive.forecast import forecast
+from rig.archive.store import TABLES, Store, opened
 from rig.drivers.clock import RealClock
 from rig.errors import RigError, UsageError
+from rig.fitter.steps import steps
 
-NAME = ".rig-lab.sqlite"
-"""Name of the index in the folder of the laboratory."""
-_VERSION = 2
-_BUSY_MS = 60_000
 _JUST_NOW_S = 2.0
 """Age of a change below which a folder is read again: dates of change are coarse."""
 _LEFT_OUT = (".git", ".venv", "__pycache__", "node_modules")
-_SCHEMA = """
-CREATE TABLE folder (path TEXT PRIMARY KEY, changed INT, seen REAL) STRICT, WITHOUT ROWID;
-CREATE TABLE file (path TEXT PRIMARY KEY, folder TEXT, changed INT, size INT, edited INT, problem TEXT)
-    STRICT, WITHOUT ROWID;
-CREATE INDEX file_of_folder ON file (folder);
-CREATE INDEX file_edited ON file (folder) WHERE edited = 1;
-CREATE INDEX file_problem ON file (path) WHERE problem <> '';
-CREATE TABLE certificate (path TEXT PRIMARY KEY, number TEXT, issued TEXT, began TEXT, ended TEXT, next_due TEXT,
-    simulated INT, replaces TEXT, customer TEXT) STRICT, WITHOUT ROWID;
-CREATE INDEX certificate_number ON certificate (number);
-CREATE INDEX certificate_replaces ON certificate (replaces);
-CREATE INDEX certificate_simulated ON certificate (path) WHERE simulated = 1;
-CREATE TABLE thing (path TEXT, role TEXT, key TEXT, name TEXT, maker TEXT, model TEXT, serial TEXT, asset TEXT,
-    number TEXT, dated TEXT, due TEXT, data TEXT) STRICT;
-CREATE INDEX thing_path ON thing (path);
-CREATE INDEX thing_key ON thing (key, role);
-CREATE INDEX thing_number ON thing (number, role);
-CREATE INDEX thing_asset ON thing (asset, role);
-CREATE INDEX thing_alike ON thing (asset, key) WHERE asset <> '' AND serial <> '';
-CREATE INDEX thing_serial ON thing (serial);
-CREATE TABLE item (key TEXT PRIMARY KEY, last TEXT, forecast TEXT) STRICT, WITHOUT ROWID;
-"""
 
 
 @dataclass
@@ -58,94 +32,83 @@ class Lab:
 
     Attributes:
         folder: of the laboratory, with everything below it.
-        db: the index.
+        db: where it is kept.
     """
 
     folder: Path
-    db: apsw.Connection
+    db: Store
 
     @classmethod
     @contextlib.contextmanager
-    def open(cls, folder: Path, *, rebuild: bool = False) -> Iterator[Lab]:
+    def open(cls, folder: Path, *, rebuild: bool = False, database: str = "") -> Iterator[Lab]:
         """The index of a folder, up to date with its files.
 
         Args:
             folder: of the laboratory.
             rebuild: read every file again.
+            database: address of the database in which it is kept; "" for a file in the folder.
 
         Raises:
             UsageError: there is no such folder, or the index cannot be written.
+            StorageError: the database cannot be reached.
         """
         if not folder.is_dir():
             raise UsageError(f"there is no folder {folder}")
-        path = folder / NAME
-        try:
-            lab = cls(folder, _connected(path))
-        except apsw.Error as error:
-            raise UsageError(f"{path}: the index cannot be used ({error}); it is made of files: remove it") from error
-        try:
+        with opened(folder, database) as store:
+            lab = cls(folder, store)
             lab._refresh(rebuild=rebuild)
             yield lab
-        except apsw.Error as error:
-            raise UsageError(f"{path}: the index cannot be written ({error}); it may be removed") from error
-        finally:
-            lab.db.close()
 
     def rows(self, query: str, *given: Any) -> list[dict[str, Any]]:
         """Rows of a query, by column."""
-        cursor = self.db.execute(query, given)
-        found: list[dict[str, Any]] = []
-        names: tuple[str, ...] = ()
-        for row in cursor:
-            names = names or tuple(name for name, *_ in cursor.get_description())  # known with the first row alone
-            found.append(dict(zip(names, row, strict=True)))
-        return found
+        return self.db.rows(query, *given)
 
     def problems(self) -> list[str]:
         """Files that cannot be used, and contradictions between files, a sentence each."""
         found = [f"{row['path']}: {row['problem']}" for row in self.rows("SELECT * FROM file WHERE problem <> ''")]
-        twice = "SELECT number, group_concat(path, ', ') paths FROM certificate GROUP BY number HAVING count(*) > 1"
+        twice = """SELECT number, string_agg(path, ', ') AS paths FROM (
+                SELECT number, path FROM certificate WHERE number IN (
+                    SELECT number FROM certificate GROUP BY number HAVING count(*) > 1) ORDER BY path) every
+            GROUP BY number ORDER BY number"""
         found += [f"certificate {row['number']} is there several times: {row['paths']}" for row in self.rows(twice)]
-        alike = """SELECT asset, group_concat(DISTINCT key) keys FROM thing WHERE asset <> '' AND serial <> ''
-            GROUP BY asset HAVING count(DISTINCT key) > 1"""
+        alike = """SELECT asset, string_agg(key, ',') AS keys FROM
+            (SELECT DISTINCT asset, key FROM thing WHERE asset <> '' AND serial <> '' ORDER BY asset, key) every
+            GROUP BY asset HAVING count(*) > 1 ORDER BY asset"""
         found += [f"asset {row['asset']} is several things: {row['keys']}" for row in self.rows(alike)]
-        rows = self.rows(f"SELECT DISTINCT key FROM ({_ITEMS} AND simulated = 1) own WHERE {_REAL}")
+        rows = self.rows(f"SELECT DISTINCT key FROM ({_ITEMS} AND simulated = 1) own WHERE {_REAL} ORDER BY key")
         found += [f"{row['key']}: its simulated certificates are no part of its history" for row in rows]
         return found
 
     def _refresh(self, *, rebuild: bool) -> None:
         """Read what changed, in one transaction: a kill leaves the index as it was, and another process waits."""
-        self.db.execute("BEGIN IMMEDIATE")
-        try:
+        with self.db.changing():
             if rebuild:
-                for table in ("folder", "file", "certificate", "thing", "item"):
-                    self.db.execute(f"DELETE FROM {table}")
+                for table in TABLES:
+                    self.db.rows(f"DELETE FROM {table}")
             stale: set[str] = set()
             now = RealClock().utc()
             known = {row["path"]: row for row in self.rows("SELECT * FROM folder")}
-            for folder, changed in _folders(self.folder):
+            for folder, changed in steps(list(_folders(self.folder)), lambda one: one[0] or "."):
                 row = known.pop(folder, None)
                 settled = row is not None and row["changed"] == changed and row["seen"] - changed / 1e9 > _JUST_NOW_S
                 stale |= self._look_into(folder, settled=settled)
                 if not settled:
-                    self.db.execute("INSERT OR REPLACE INTO folder VALUES (?, ?, ?)", (folder, changed, now))
+                    self.db.rows("DELETE FROM folder WHERE path = ?", folder)
+                    self.db.rows("INSERT INTO folder VALUES (?, ?, ?)", folder, changed, now)
             for folder in known:
                 for row in self.rows("SELECT path FROM file WHERE folder = ?", folder):
                     stale |= self._forget(row["path"])
-                self.db.execute("DELETE FROM folder WHERE path = ?", (folder,))
+                self.db.rows("DELETE FROM folder WHERE path = ?", folder)
             for key in stale:
                 self._item(key)
-            self.db.execute("COMMIT")
-        except BaseException:
-            self.db.execute("ROLLBACK")
-            raise
 
     def _look_into(self, folder: str, *, settled: bool) -> set[str]:
         """Read what changed in a folder; of a settled one only registers can have. Returns keys of changed items."""
         rows = self.rows("SELECT * FROM file WHERE folder = ?", folder) if not settled else self._registers(folder)
         known = {row["path"]: row for row in rows}
         stale: set[str] = set()
-        for path in _files(self.folder, folder, known if settled else None):
+        files = _files(self.folder, folder, known if settled else None)
+        for path in steps(files, lambda path: Path(path).name):
             row, found = known.pop(path, None), os.stat(self.folder / path)
             if row is None or (row["changed"], row["size"]) != (found.st_mtime_ns, found.st_size):
                 stale |= self._forget(path) | self._take(folder, path, found)
@@ -160,7 +123,7 @@ class Lab:
         """Remove what a file said; returns keys of its items."""
         keys = {row["key"] for row in self.rows("SELECT key FROM thing WHERE path = ? AND role = 'item'", path)}
         for table in ("file", "certificate", "thing"):
-            self.db.execute(f"DELETE FROM {table} WHERE path = ?", (path,))
+            self.db.rows(f"DELETE FROM {table} WHERE path = ?", path)
         return keys
 
     def _take(self, folder: str, path: str, found: os.stat_result) -> set[str]:
@@ -171,7 +134,7 @@ class Lab:
         except (RigError, OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
             problem = str(error).splitlines()[0] if str(error) else type(error).__name__
         row = (path, folder, found.st_mtime_ns, found.st_size, int(path.endswith(".toml")), problem)
-        self.db.execute("INSERT INTO file VALUES (?, ?, ?, ?, ?, ?)", row)
+        self.db.rows("INSERT INTO file VALUES (?, ?, ?, ?, ?, ?)", *row)
         for own in kept.owned:
             self._thing(path, "owned", own.thing, own.certificate, own.date, own.due)
         return set() if kept.issued is None else self._certificate(path, kept.issued)
@@ -179,7 +142,7 @@ class Lab:
     def _certificate(self, path: str, one: Issued) -> set[str]:
         dates = [None if day is None else day.isoformat() for day in (one.issued, one.began, one.ended, one.next_due)]
         row = (path, one.number, *dates, int(one.simulated), one.replaces, one.customer)
-        self.db.execute("INSERT INTO certificate VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
+        self.db.rows("INSERT INTO certificate VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", *row)
         for item in one.items:
             values = json.dumps({"adjusted": item.adjusted, "values": [asdict(value) for value in item.values]})
             self._thing(path, "item", item.thing, one.number, one.ended, one.next_due, values)
@@ -191,41 +154,27 @@ class Lab:
         dated, due, data = (*rest, None, None, None)[:3]
         row = (thing.key, thing.name, thing.maker, thing.model, thing.serial, thing.asset, number)
         days = [None if day is None else day.isoformat() for day in (dated, due)]
-        self.db.execute(
-            "INSERT INTO thing VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", (path, role, *row, *days, data)
-        )
+        self.db.rows("INSERT INTO thing VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)", path, role, *row, *days, data)
 
     def _item(self, key: str) -> None:
         """Keep the last certificate of an item, and its forecast."""
-        self.db.execute("DELETE FROM item WHERE key = ?", (key,))
+        self.db.rows("DELETE FROM item WHERE key = ?", key)
         rows = self.rows(HISTORY, key)
         if rows:
             told = forecast([(row["dated"], json.loads(row["data"])) for row in rows])
-            self.db.execute("INSERT INTO item VALUES (?, ?, ?)", (key, rows[-1]["path"], json.dumps(asdict(told))))
+            self.db.rows("INSERT INTO item VALUES (?, ?, ?)", key, rows[-1]["path"], json.dumps(asdict(told)))
 
 
-_ITEMS = """SELECT thing.*, certificate.* FROM thing JOIN certificate USING (path) WHERE role = 'item'"""
+_COLUMNS = """key, name, maker, model, serial, asset, path, number, issued, began, ended, next_due, simulated, replaces,
+    customer, dated, due, data"""
+_ITEMS = """SELECT key, name, maker, model, serial, asset, certificate.*, dated, due, data
+    FROM thing JOIN certificate ON certificate.path = thing.path WHERE role = 'item'"""
 _REAL = f"""EXISTS (SELECT 1 FROM ({_ITEMS} AND simulated = 0) other WHERE other.key = own.key)"""
-HISTORY = f"""SELECT * FROM ({_ITEMS} AND key = ?) own
-    WHERE number NOT IN (SELECT replaces FROM certificate) AND (simulated = 0 OR NOT {_REAL})
-    GROUP BY number ORDER BY ended, issued, number"""
+HISTORY = f"""SELECT {_COLUMNS} FROM (
+        SELECT own.*, row_number() OVER (PARTITION BY number ORDER BY path) AS copy FROM ({_ITEMS} AND key = ?) own
+        WHERE number NOT IN (SELECT replaces FROM certificate) AND (simulated = 0 OR NOT {_REAL})) every
+    WHERE copy = 1 ORDER BY ended, issued, number"""
 """Certificates of an item that hold, in order of time; one of several copies; simulated ones where all are."""
-
-
-def _connected(path: Path) -> apsw.Connection:
-    db = apsw.Connection(str(path))
-    db.set_busy_timeout(_BUSY_MS)
-    db.pragma("journal_mode", "truncate")  # a journal that comes and goes would change the date of the folder
-    db.execute("BEGIN IMMEDIATE")
-    try:
-        if db.pragma("user_version") != _VERSION:
-            for (name,) in db.execute("SELECT name FROM sqlite_schema WHERE type = 'table'").fetchall():
-                db.execute(f'DROP TABLE "{name}"')
-            db.execute(_SCHEMA)
-            db.pragma("user_version", _VERSION)
-    finally:
-        db.execute("COMMIT")
-    return db
 
 
 def _folders(top: Path) -> Iterator[tuple[str, int]]:

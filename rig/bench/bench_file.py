@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
@@ -14,6 +13,7 @@ from rig.drivers.errors import WrongAddress
 from rig.drivers.roles import Chamber, Head, PressureController, SelfChecking
 from rig.errors import ConfigurationError
 from rig.fitter.errors import FitError
+from rig.procedures.present.meant import nearest
 from rig.units.of_instruments import HEAD, PRESSURE
 
 NO_QUESTION = "nothing can be asked that tells whether somebody has changed its settings"
@@ -143,14 +143,14 @@ def _quantities(config: BenchConfig) -> list[str]:
 
 def _refuse_unknown(name: str, known: Sequence[str], message: str) -> None:
     if name not in known:
-        near = difflib.get_close_matches(name, known, n=1)
         there = (
             f"on this bench there are {', '.join(dict.fromkeys(known))}"
             if known
             else "nothing on this bench has limits"
         )
         there += f'; what sets a factor is said under [factors], {name} = "INSTRUMENT"' if "_" in name else ""
-        hint = f"did you mean {near[0]}?" if near else there
+        near = nearest(name, known)
+        hint = f"did you mean {near}?" if near else there
         raise ConfigurationError(f"{message}: {hint}")
 
 

@@ -28,6 +28,7 @@ from rig.procedures.column_names import stem_of, unit_of
 from rig.procedures.kind import Procedure
 from rig.procedures.kinds import kinds
 from rig.procedures.plan.settings import Name
+from rig.procedures.present.meant import meant
 from rig.procedures.tables.table import UNITS
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -232,8 +233,8 @@ class BenchConfig(_Strict):
         taken: dict[tuple[str, str], str] = {}
         for name, (reader, channel) in read.items():
             if reader not in self.instruments:
-                known = ", ".join(sorted(self.instruments))
-                raise ValueError(f"{name}.reader = {reader!r} is not an instrument here (known: {known})")
+                known = f"(known: {', '.join(sorted(self.instruments))}){meant(reader, self.instruments)}"
+                raise ValueError(f"{name}.reader = {reader!r} is not an instrument here {known}")
             other = taken.setdefault((reader, channel), name)
             if other != name:
                 raise ValueError(f"{other} and {name} are both on channel {channel} of {reader}")
@@ -246,15 +247,15 @@ class BenchConfig(_Strict):
                         f"kinds with their own: {', '.join(own)}"
                     )
             if instrument not in self.instruments:
-                known = ", ".join(sorted(self.instruments))
-                raise ValueError(f"factors.{name} = {instrument!r} is not an instrument here (known: {known})")
+                known = f"(known: {', '.join(sorted(self.instruments))}){meant(instrument, self.instruments)}"
+                raise ValueError(f"factors.{name} = {instrument!r} is not an instrument here {known}")
         for name in self.references:
             if name not in self.factors and not re.fullmatch(_FACTOR, name):
                 raise ValueError(f"references.{name}: the name is that of a factor and ends in its unit: force_kN")
         for name, standard in self.references.items():
             if standard.of and standard.of not in self.factors:
-                known = ", ".join(self.factors) or "none"
-                raise ValueError(f"references.{name}.of = {standard.of!r} is not a factor here (known: {known})")
+                known = f"(known: {', '.join(self.factors) or 'none'}){meant(standard.of, self.factors)}"
+                raise ValueError(f"references.{name}.of = {standard.of!r} is not a factor here {known}")
             if standard.approach is not None:
                 if not standard.of:
                     raise ValueError(f"references.{name}.approach needs `of`, the factor whose settings it has")

@@ -84,11 +84,16 @@ def budget(
     each result that they move.
     `--monte-carlo` compares the intervals with simulated ones (JCGM 101), and names those that differ.
 
-    Example: `rig budget RUN --equipment equipment.toml --at force_kN=2.5`
+    Examples:
+
+    - `rig budget RUN --equipment equipment.toml`
+    - `rig budget RUN --equipment equipment.toml --at force_kN=2.5`
+    - `rig budget RUN --equipment equipment.toml --monte-carlo 200000 --report budget.html`
     """
     from rig.procedures.evaluate.points import points  # noqa: PLC0415
     from rig.verbs.budget.in_short import in_short  # noqa: PLC0415
     from rig.verbs.budget.result import budget as budget_run  # noqa: PLC0415
+    from rig.verbs.budget.result import not_in  # noqa: PLC0415
 
     check_files([report], [run_file, *(confirmed_by or ()), *filter(None, (equipment,))])
     check_format(report, ".html", ".htm")
@@ -107,5 +112,5 @@ def budget(
         show(found.blocks() if full else in_short(found), out)
         if not full:
             out.print("\neach result with its budget: --full; with pictures: --report FILE.html")
-    show_notes(found)
+    show_notes(found, () if as_json else not_in(found))
     return ExitCode.DONE

@@ -132,8 +132,11 @@ def certificate(
     certificate says what remains unknown. A certificate is never overwritten: --amends makes one that
     replaces it.
 
-    Examples: `rig certificate RUN --out certificates`, `rig certificate FOUND LEFT --adjustment "zero set" --out
-    certificates`, `rig certificate --read DCC.xml`
+    Examples:
+
+    - `rig certificate RUN --out certificates`
+    - `rig certificate FOUND LEFT --adjustment "zero set" --out certificates`
+    - `rig certificate --read DCC.xml`
     """
     if read is not None:
         if runs:

@@ -65,7 +65,11 @@ def chart(
     differences between the replications of each calibration. The due date is the last day on which the last
     calibration's output is within the tolerance, with 95 % probability, everywhere in the range of use.
 
-    Example: `rig chart runs/2026*.sqlite --tolerance 5e-4 --usage 30 --report chart.html`
+    Examples:
+
+    - `rig chart runs/2026*.sqlite`
+    - `rig chart runs/2026*.sqlite --tolerance 5e-4 --usage 30 --report chart.html`
+    - `rig chart A.json B.json C.json --sensor x_V --as-drift`
     """
     from rig.verbs.chart.inputs import path_of  # noqa: PLC0415
     from rig.verbs.chart.result import chart as chart_files  # noqa: PLC0415

@@ -27,7 +27,7 @@ def _commands() -> Iterator[str]:
         command = loaded(name)
         given = [one for one in command.params if one.param_type_name == "argument"]
         yield f"### `{' '.join(['rig', name, *(_argument(one) for one in given)])}`\n"
-        yield _prose(command.help or "")
+        yield (command.help or "").strip() + "\n"
         before: dict[str, list[str]] = {}
         for text in (_line(one) for one in command.params if not (one.hidden or one.name == "help")):
             before.setdefault(first.setdefault(text, name), []).append(text)
@@ -42,11 +42,6 @@ def _argument(one: Any) -> str:
     """An argument in a line of usage."""
     shown = f"{one.name.upper()}{'...' if one.nargs == -1 else ''}"
     return shown if one.required else f"[{shown}]"
-
-
-def _prose(text: str) -> str:
-    """A help text as Markdown: paragraphs, and the example as code."""
-    return re.sub(r"(?m)^(Examples?: )(rig .*)$", r"\1`\2`", text.strip()) + "\n"
 
 
 def _line(one: Any) -> str:

@@ -19,6 +19,7 @@ from rig.cli.progress import run_progress
 from rig.cli.run import conclude
 from rig.cli.show import err, headline, print_json
 from rig.cli.signals import signals
+from rig.cli.waiting import waiting
 from rig.engine.session import Outcome
 from rig.errors import ExitCode, UsageError
 from rig.files.atomic import check_files, check_format, write_whole
@@ -89,7 +90,11 @@ def confirm(
     with the expected separation of every pair of confounded causes in standard errors. Makes the run with the best
     separation per cost. Judges the causes with both runs, and the old and the new model with the further one alone.
 
-    Examples: `rig confirm RUN --dry --runs 3`, `rig confirm RUN --list`, `rig confirm RUN --by LATER_RUN`
+    Examples:
+
+    - `rig confirm RUN --dry --runs 3`
+    - `rig confirm RUN --list`
+    - `rig confirm RUN --by LATER_RUN`
     """
     from rig.verbs.confirm.answers import following, judge  # noqa: PLC0415
     from rig.verbs.confirm.first import check_way, open_asked  # noqa: PLC0415
@@ -137,7 +142,7 @@ def confirm(
         path, ended = _run(plan, out_dir, asked.world_s + asked.later_s if dry else 0.0, dry=dry, as_json=as_json)
         made.append(path)
         if ended is not None:
-            words = f"rig confirm {shell_word(run_file)} {' '.join(f'--by {shell_word(path)}' for path in made)}"
+            words = f"{first.command} {' '.join(f'--by {shell_word(path)}' for path in made)}"
             err.print(f"when it is complete (rig resume {escape(shell_word(path))}): {escape(words)}", soft_wrap=True)
             return ended
         told = judge(first, *made)
@@ -213,14 +218,15 @@ def _chosen(
     """The run to make, None if there is none; and all of them for `--json`."""
     from rig.verbs.confirm.proposals import consider, inseparable, propose, unlikely  # noqa: PLC0415
 
-    considered = consider(asked)
+    with waiting("considering further runs"):
+        considered = consider(asked)
     proposals, never = propose(considered), inseparable(asked, considered)
     if not as_json:
         show_open(asked, never)
     if not proposals:
         err.print(
             "no run of this bench is proposed: none would separate the open pairs. Sizes alone are confirmed by the "
-            f"same procedure again: rig run, then rig confirm {escape(shell_word(first.path))} --by LATER_RUN",
+            f"same procedure again: rig run, then {escape(first.command)} --by LATER_RUN",
             soft_wrap=True,
         )
     elif take > len(proposals):
@@ -246,8 +252,7 @@ def _end(told: Confirmed, about: Mapping[str, Any], report: Path | None, *, dry:
         words = " ".join(f"--after {shell_word(path)}" for path in told.paths) + (" --dry" if dry else "")
         few = f"{escape(why)}; its further runs are unlikely to decide it" if (why := about.get("unlikely")) else ""
         err.print(
-            f"{few or 'a further run may decide more'}: rig confirm "
-            f"{escape(shell_word(told.first.path))} {escape(words)}",
+            f"{few or 'a further run may decide more'}: {escape(told.first.command)} {escape(words)}",
             soft_wrap=True,
         )
     return code

@@ -60,7 +60,11 @@ def correct(
     Only typed readings can be corrected, of a run at which no controller works. Tables, fits and certificates use the
     corrected value, and say so.
 
-    Example: `rig correct runs/20260115T180000-night-1a2b.sqlite gauge_bar=12.3 --point 7 --why "digits exchanged"`
+    Examples:
+
+    - `rig correct runs/20260115T180000-night-1a2b.sqlite gauge_bar=12.3 --point 7 --why "digits exchanged"`
+    - `rig correct RUN gauge_bar=12.3 --point 7 --reading 2 --why "read twice"`
+    - `rig correct RUN mass_g=100.02 --point 3 --after C-2026-0147 --why "wrong mass"`
     """
     why, who = why.strip(), operator(operator_name).name
     if not why or len(why) > _LONGEST or not why.isprintable():

@@ -21,7 +21,7 @@ from rig.files.atomic import check_files, check_format
 from rig.procedures.evaluate.in_short import in_short
 from rig.procedures.evaluate.results import Traced
 from rig.procedures.kind import Kind
-from rig.procedures.present.shell import shell_word
+from rig.procedures.present.shell import confirming
 from rig.procedures.present.terminal import show
 
 if TYPE_CHECKING:
@@ -78,8 +78,12 @@ def fit(
 
     More than three sensors take one screen; `--full` has every number.
 
-    Examples: `rig fit runs/20260115T180000-night-1a2b.sqlite`, `rig fit RUN --traced --temperature --out package.json`,
-    `rig fit RUN --points 73`, `rig fit table.csv --response y --formula "1 + x"`
+    Examples:
+
+    - `rig fit runs/20260115T180000-night-1a2b.sqlite`
+    - `rig fit RUN --traced --temperature --out package.json`
+    - `rig fit RUN --points 73`
+    - `rig fit table.csv --response y --formula "1 + x"`
     """
     from rig.tables import FileForm, FileSource  # noqa: PLC0415
     from rig.verbs.data.result import fit_source  # noqa: PLC0415
@@ -134,8 +138,11 @@ def trace(
     Of several runs of one bench each is traced, and held against the others: what comes back is of the bench or of the
     sensors, what does not is of its run.
 
-    Examples: `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`, `rig trace table.csv --response y
-    --formula "1 + x" --group batch --time t_s`, `rig trace RUN LATER_RUN`
+    Examples:
+
+    - `rig trace runs/20260115T180000-night-1a2b.sqlite --report night.html`
+    - `rig trace table.csv --response y --formula "1 + x" --group batch --time t_s`
+    - `rig trace RUN LATER_RUN`
     """
     from rig.tables import FileForm, FileSource  # noqa: PLC0415
     from rig.verbs.data.result import trace_source  # noqa: PLC0415
@@ -154,7 +161,7 @@ def trace(
     if as_json:
         show_result(found, as_json=True)
     else:
-        _show_trace(found.kind, found.traced, full=full)
+        _show_trace(found.kind, found.traced, given.get("ignore"), full=full)
         show_notes(found)
     return ExitCode.DONE
 
@@ -192,7 +199,7 @@ def _seen(source: FileSource, command: str, given: dict[str, Any], *, as_json: b
     return True
 
 
-def _show_trace(kind: Kind, traced: Traced, *, full: bool) -> None:
+def _show_trace(kind: Kind, traced: Traced, ignore: Sequence[str] | None, *, full: bool) -> None:
     """Show the findings, and how to confirm them if a run can be made."""
     show(traced.blocks() if full else in_short(traced), out)
     if not full:
@@ -200,7 +207,6 @@ def _show_trace(kind: Kind, traced: Traced, *, full: bool) -> None:
     found = any(finding.kind == "effect" for outcome in traced.outcomes for finding in outcome.findings)
     if found and "run_id" in traced.table.provenance and kind.confirming(traced) is not None:
         out.print(
-            f"\nto confirm these effects by a further run: rig confirm "
-            f"{escape(shell_word(traced.table.source))} --list",
+            f"\nto confirm these effects by a further run: {escape(confirming(traced.table.source, ignore))} --list",
             soft_wrap=True,
         )

@@ -125,7 +125,11 @@ def demo(
     voltmeter: a voltmeter of six ranges against a calibrator: 13 minutes. The two highest ranges have an offset of
     their own, which the declared straight line has no term for.
 
-    Example: `rig demo pressure`
+    Examples:
+
+    - `rig demo pressure`
+    - `rig demo --loop`
+    - `rig demo load-cell --short --out night`
     """
     from rig.by_kind import trace_table  # noqa: PLC0415
     from rig.examples import example  # noqa: PLC0415

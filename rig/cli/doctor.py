@@ -42,7 +42,11 @@ def doctor(
     Asks every instrument for its identity and changes nothing. Ends with 78 if a file is wrong, with 1 if there is
     another problem, with 0 otherwise.
 
-    Example: `rig doctor --bench bench.toml --procedure night.toml`
+    Examples:
+
+    - `rig doctor --bench bench.toml`
+    - `rig doctor --bench bench.toml --procedure night.toml`
+    - `rig doctor --bench bench.toml --dry --json`
     """
     from rig.unattended.doctor import Visit, examine  # noqa: PLC0415
 

@@ -32,7 +32,11 @@ def explain(
 
     Without a topic it lists the topics.
 
-    Examples: `rig explain bench interlocks`, `rig explain instruments scpi-meter`, `rig explain effects creep`
+    Examples:
+
+    - `rig explain bench interlocks`
+    - `rig explain instruments scpi-meter`
+    - `rig explain effects creep`
     """
     if topic:
         text = _LINK.sub(_named, explained(topic, name))

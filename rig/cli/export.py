@@ -43,7 +43,11 @@ def export(
     Columns x_sd_V, readings and flag_noisy, for example, say how the readings of each point scatter, how many there
     are, and which flags it has.
 
-    Example: `rig export runs/20260115T180000-night-1a2b.sqlite --out night.csv`
+    Examples:
+
+    - `rig export runs/20260115T180000-night-1a2b.sqlite --out night.csv`
+    - `rig export RUN --all --out night.parquet`
+    - `rig export DAMAGED --salvage --out saved.csv`
     """
     from rig.tables.csv_files import write_csv  # noqa: PLC0415
     from rig.tables.faults import check_replaceable, faults, write_faults  # noqa: PLC0415

@@ -44,7 +44,11 @@ def infer(
     The table has the columns of the calibrated outputs, and other columns that the calibration needs. A row with a
     missing value gets an empty result and a flag; unused columns and rows are named.
 
-    Example: `rig infer calibration.json readings.csv --out inferred.csv`
+    Examples:
+
+    - `rig infer calibration.json readings.csv --out inferred.csv`
+    - `rig infer calibration.json readings.csv --out inferred.csv --readings 5 --same-meter`
+    - `rig infer thermistor.json readings.csv --out inferred.csv --quantity bath_degC --between 0 60`
     """
     from rig.verbs.infer.result import infer as infer_readings  # noqa: PLC0415
 

@@ -56,7 +56,11 @@ def instrument(
     commented file. `scan` asks at the named addresses who is there, and nothing else. Ends with 1 if an instrument is
     not as its file says, with 78 if a file is wrong.
 
-    Examples: `rig instrument show julabo-fp50`, `rig instrument check my_bath.toml --address /dev/ttyUSB0`
+    Examples:
+
+    - `rig instrument list`
+    - `rig instrument show julabo-fp50`
+    - `rig instrument check my_bath.toml --address /dev/ttyUSB0`
     """
     given = names or []
     if action is not Action.LIST and not given:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict
 from datetime import UTC, date, datetime
 from enum import StrEnum
@@ -13,8 +14,9 @@ import typer
 from rich.markup import escape
 
 from rig.cli.commands import app
-from rig.cli.options import JsonOption
+from rig.cli.options import DatabaseOption, JsonOption
 from rig.cli.show import err, out, print_json
+from rig.cli.waiting import waiting
 from rig.drivers.clock import RealClock
 from rig.errors import ConfigurationError, ExitCode, UsageError
 from rig.fitter.rounding import with_error
@@ -55,6 +57,7 @@ def lab(
         bool, typer.Option("--remind", help="due: send what is due within 30 days over the channels of notify.toml")
     ] = False,
     rebuild: Annotated[bool, typer.Option("--rebuild", help="read every file again, also unchanged ones")] = False,
+    database: DatabaseOption = "",
     as_json: JsonOption = False,
 ) -> int:
     """Say what is due in a laboratory, the history of an item, or which certificates rest on a piece of equipment.
@@ -62,8 +65,12 @@ def lab(
     It reads certificates (their JSON) and registers (equipment.toml) in a folder and all below it. An item is due by
     the date that its certificate states, and on the day on which its drift and uncertainty may break its tolerance.
 
-    Examples: `rig lab`, `rig lab due --within 30 --check`, `rig lab item S-1042`, `rig lab recall DVM-0207 --since
-    2026-03-01`
+    Examples:
+
+    - `rig lab`
+    - `rig lab due --within 30 --check`
+    - `rig lab item S-1042`
+    - `rig lab recall DVM-0207 --since 2026-03-01`
     """
     from rig import archive as answers  # noqa: PLC0415 - statistics take a while to import
 
@@ -74,7 +81,9 @@ def lab(
             else f"{question} of what? `rig lab item ASSET`, `rig lab recall ASSET`, or a serial or certificate number"
         )
     now = _day(today, "--today") or datetime.fromtimestamp(RealClock().utc(), UTC).date()
-    with answers.Lab.open(folder, rebuild=rebuild) as index:
+    with ExitStack() as opened:
+        with waiting("reading certificates"):
+            index = opened.enter_context(answers.Lab.open(folder, rebuild=rebuild, database=database))
         problems = index.problems()
         match question:
             case Question.DUE:

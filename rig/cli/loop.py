@@ -88,7 +88,11 @@ def loop(
     are in [loop] of the procedure. Exit code 0: nothing was found, or one explanation remains for every effect; 3:
     closed, and something is open, error is left, or a further run ended by a fault; others as of `rig run`.
 
-    Examples: `rig loop procedure.toml --bench bench.toml --until 07:00`, `rig loop --continue FILE --hours 3`
+    Examples:
+
+    - `rig loop procedure.toml --bench bench.toml --until 07:00`
+    - `rig loop procedure.toml --bench bench.toml --dry --world world.toml --hours 12`
+    - `rig loop --continue FILE --hours 3`
     """
     from rig.loop import continue_loop, start_loop  # noqa: PLC0415
 

@@ -33,7 +33,11 @@ def new(
     Every question has a default and says why it is asked. Nothing is written before you agree, after Ctrl-C, or over
     an existing file. The answers are kept in `answers.toml`.
 
-    Examples: `rig new my-lab`, `rig new my-lab --answers answers.toml`, `rig new --answers answers.toml --show`
+    Examples:
+
+    - `rig new my-lab`
+    - `rig new my-lab --answers answers.toml`
+    - `rig new --answers answers.toml --show`
     """
     from rig.bench.config import parse_toml, read_text  # noqa: PLC0415
     from rig.new.files import NAMES, beside, refuse_existing, texts, write  # noqa: PLC0415

@@ -22,3 +22,7 @@ OperatorOption = Annotated[
         show_default=False,
     ),
 ]
+DatabaseOption = Annotated[
+    str,
+    typer.Option(envvar="RIG_DATABASE", help="keep the index there, as postgresql://rig@db/lab", show_envvar=True),
+]

@@ -56,7 +56,11 @@ def person(
     in `log.sqlite` beside it. Once there is an administrator, only an administrator changes them (--login); everybody
     changes the own password. Passwords are asked for at the terminal, or are lines of standard input.
 
-    Examples: `rig person add anna --name "Anna Berg" --roles operator,administrator`, `rig person list`
+    Examples:
+
+    - `rig person add anna --name "Anna Berg" --roles operator,administrator`
+    - `rig person list`
+    - `rig person password anna --login anna`
     """
     laboratory = laboratory_of(lab) or Laboratory(lab.absolute())
     if action is Action.LIST:
@@ -143,7 +147,11 @@ def log(
     The log is append-only and chained like a run file. It has every file `*.toml` of the laboratory, without passwords.
     A change by an editor is found and written by the next command of the laboratory. Exit code 1: the log was changed.
 
-    Example: `rig log`
+    Examples:
+
+    - `rig log`
+    - `rig log /srv/laboratory`
+    - `rig log --json`
     """
     laboratory = laboratory_in(lab)
     laboratory.note_changes(operator())

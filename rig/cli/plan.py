@@ -47,7 +47,11 @@ def plan(
 
     The duration comes from a rehearsal of the first points on simulated instruments with the bench file's own speeds.
 
-    Examples: `rig plan night.toml -b bench.toml`, `rig plan night.toml --compare short.toml --usage 30 -b bench.toml`
+    Examples:
+
+    - `rig plan night.toml -b bench.toml`
+    - `rig plan night.toml -b bench.toml --json`
+    - `rig plan night.toml --compare short.toml --usage 30 --plot precision.png -b bench.toml`
     """
     if plot is not None and not compare:
         raise UsageError("--plot shows designs side by side: it requires --compare")

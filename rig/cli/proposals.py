@@ -38,7 +38,11 @@ def propose(
     The dry run takes `world.toml` beside the bench, if there is one. The proposal is a record of the laboratory's log;
     it has the texts of all files. A bench with `approval = true` runs for real only what was approved, byte by byte.
 
-    Example: `rig propose night.toml --bench bench.toml --login anna`
+    Examples:
+
+    - `rig propose night.toml --bench bench.toml`
+    - `rig propose night.toml --bench bench.toml --login anna`
+    - `rig propose night.toml --bench bench.toml --why "after the repair"`
     """
     from rig.verbs.propose import proposed  # noqa: PLC0415
 
@@ -68,7 +72,11 @@ def approve(
     Without --login it shows the proposal: dry run, extremes of every axis, outputs left on, SHA-256 of every file. An
     approval needs the role approver, another person than the proposer, and the password. It holds for one run.
 
-    Examples: `rig approve`, `rig approve 3`, `rig approve 3 --login ben`
+    Examples:
+
+    - `rig approve`
+    - `rig approve 3`
+    - `rig approve 3 --login ben`
     """
     laboratory = laboratory_in(lab)
     log = laboratory.verified_log()

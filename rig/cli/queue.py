@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
+from socket import gethostname
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -21,7 +22,7 @@ from rig.procedures.present.terminal import show
 from rig.who import operator
 
 if TYPE_CHECKING:
-    from rig.queue import Item, Queue
+    from rig.queue import Item, Keeps, Queue
 
 
 class Action(StrEnum):
@@ -71,6 +72,15 @@ def queue(
     stay: Annotated[bool, typer.Option("--stay", help="run: wait for further items at the end")] = False,
     off: Annotated[bool, typer.Option("--off", help="pause: go on, and forget holds of benches")] = False,
     file: Annotated[Path, typer.Option("--queue", help="file of the queue")] = Path("runs/queue.sqlite"),
+    database: Annotated[
+        str,
+        typer.Option(
+            envvar="RIG_DATABASE", help="a queue that machines share, as postgresql://rig@db/lab", show_envvar=True
+        ),
+    ] = "",
+    machine: Annotated[
+        str, typer.Option(help="--database: the machine whose items are meant; this one by its name")
+    ] = "",
     as_json: JsonOption = False,
 ) -> int:
     """Carry out runs and loops one after the other on a bench, several benches at once.
@@ -79,15 +89,20 @@ def queue(
     lets the present items end and begins no others. Exit code of `run`: 0; 3 if an item ended by a fault or outside
     acceptance; 75 after an interrupt.
 
-    Examples: `rig queue add procedure.toml --bench bench.toml --loop --until 07:00`, `rig queue list`, `rig queue run`
+    Examples:
+
+    - `rig queue add procedure.toml --bench bench.toml --loop --until 07:00`
+    - `rig queue list`
+    - `rig queue run`
     """
-    from rig.queue import QueueFile, open_queue, work  # noqa: PLC0415
+    from rig.queue import work  # noqa: PLC0415
     from rig.run_file.events.queues import Queued, QueueMoved, QueuePaused, QueueRemoved  # noqa: PLC0415
 
     by = operator()
-    at, now = open_queue(file)
+    at, now = _opened(file, database, machine)
     if action is Action.ADD:
-        procedure = _checked(what, bench, dry=dry, world=world)
+        elsewhere = at.machine not in ("", gethostname())
+        procedure = _of_another(what, bench, at.machine) if elsewhere else _checked(what, bench, dry=dry, world=world)
         options = _options(loop=loop, until=until, hours=hours, dry=dry, world=world)
         asked = Queued(
             item=0,
@@ -101,6 +116,7 @@ def queue(
             then=then.value,
             who=by.name,
             who_by=by.by,
+            machine=at.machine or None,
         )
         now = at.append(asked)
     elif action in (Action.MOVE, Action.REMOVE):
@@ -112,7 +128,7 @@ def queue(
     elif action is Action.RUN:
         asked_to_end = signals()
         now = work(
-            QueueFile(file),
+            at,
             RealClock(),
             has=frozenset(has or ()),
             signals=asked_to_end,
@@ -122,10 +138,34 @@ def queue(
         _show(now, as_json=as_json)
         if asked_to_end.interrupt:
             return ExitCode.INTERRUPTED
-        bad = any(one.state in ("fault", "outside", "stopped") for one in now.items.values())
+        own = [one for one in now.items.values() if one.machine == at.machine]
+        bad = any(one.state in ("fault", "outside", "stopped") for one in own)
         return ExitCode.OUTSIDE_ACCEPTANCE if bad else ExitCode.DONE
     _show(now, as_json=as_json)
     return ExitCode.DONE
+
+
+def _opened(file: Path, database: str, machine: str) -> tuple[Keeps, Queue]:
+    """The queue that is meant, and its state."""
+    from rig.queue import open_queue  # noqa: PLC0415
+
+    if not database:
+        if machine:
+            raise UsageError("--machine names one of those that share a queue: add --database")
+        return open_queue(file)
+    from rig.database import Database  # noqa: PLC0415 - the extra may not be installed
+    from rig.queue.shared import SharedQueue  # noqa: PLC0415
+
+    shared = SharedQueue(Database(database), machine or gethostname(), file)
+    return shared, shared.read()
+
+
+def _of_another(what: str, bench: Path | None, machine: str) -> Path:
+    """The procedure of an item for another machine, which has its files. Raises `UsageError`."""
+    if not what or bench is None or not Path(what).is_absolute() or not bench.is_absolute():
+        raise UsageError(f"an item for {machine} needs a procedure file and --bench, each by its whole path there")
+    err.print(f"[yellow]files of {escape(machine)} cannot be checked here: that machine does when the item begins[/]")
+    return Path(what)
 
 
 def _checked(what: str, bench: Path | None, *, dry: bool, world: Path | None) -> Path:
@@ -172,7 +212,18 @@ def _show(now: Queue, *, as_json: bool) -> None:
     if as_json:
         print_json({"paused": now.paused, "held": now.held, "items": [_row(one) for one in order]})
         return
-    table = Grid(("item", "state", "command", "procedure", "bench", "priority", "waits for"), frame="plain", apart=2)
+    shared = any(one.machine for one in order)
+    head = (
+        "item",
+        *(("machine",) if shared else ()),
+        "state",
+        "command",
+        "procedure",
+        "bench",
+        "priority",
+        "waits for",
+    )
+    table = Grid(head, frame="plain", apart=2)
     for one in order:
         asked = one.asked
         at = (
@@ -185,7 +236,13 @@ def _show(now: Queue, *, as_json: bool) -> None:
             waits.append(f"item {now.held[one.bench]} held the bench")
         names = (Path(asked.procedure).name, Path(asked.bench).name)
         table.add_row(
-            str(one.number), one.state, asked.command, *map(escape, names), str(one.priority), escape(", ".join(waits))
+            str(one.number),
+            *((escape(one.machine),) if shared else ()),
+            one.state,
+            asked.command,
+            *map(escape, names),
+            str(one.priority),
+            escape(", ".join(waits)),
         )
     show((table,), out)
     if now.paused:

@@ -29,13 +29,27 @@ def _asked(run_file: Path, verb: str, **more: Any) -> int:
 
 @app.command()
 def hold(run_file: RunArgument, login: LoginOption = None) -> int:
-    """Stop all motion, leave chambers as they are, and wait; `rig release` continues the run."""
+    """Stop all motion, leave chambers as they are, and wait; `rig release` continues the run.
+
+    Examples:
+
+    - `rig hold runs/20260115T180000-night-1a2b.sqlite`
+    - `rig hold runs/NAME.loop.sqlite`
+    - `rig hold RUN --login anna`
+    """
     return _asked(run_file, "hold", who=acting(run_file, login, refuses=False).name)
 
 
 @app.command()
 def release(run_file: RunArgument, login: LoginOption = None) -> int:
-    """Continue a held run."""
+    """Continue a held run.
+
+    Examples:
+
+    - `rig release runs/20260115T180000-night-1a2b.sqlite`
+    - `rig release runs/NAME.loop.sqlite`
+    - `rig release RUN --login anna`
+    """
     return _asked(run_file, "release", who=acting(run_file, login, refuses=False).name)
 
 
@@ -53,7 +67,11 @@ def done(
 
     The run says what it waits for: on the terminal, in `rig status`, on its page and in its message.
 
-    Example: `rig done runs/20260115T180000-night-1a2b.sqlite --value 5.0003`
+    Examples:
+
+    - `rig done runs/20260115T180000-night-1a2b.sqlite`
+    - `rig done RUN --value 5.0003`
+    - `rig done RUN --value 5.0003 --operator Anna`
     """
     by = acting(run_file, login, operator_name)
     asked = asked_by_hand(read_json(live_path(run_file)) or {}) if run_file.is_file() else None
@@ -66,5 +84,12 @@ def done(
 
 @app.command()
 def stop(run_file: RunArgument, login: LoginOption = None) -> int:
-    """Park the bench and end the session; the run can be resumed later."""
+    """Park the bench and end the session; the run can be resumed later.
+
+    Examples:
+
+    - `rig stop runs/20260115T180000-night-1a2b.sqlite`
+    - `rig stop runs/NAME.loop.sqlite`
+    - `rig stop RUN --login anna`
+    """
     return _asked(run_file, "stop", who=acting(run_file, login, refuses=False).name)

@@ -81,7 +81,11 @@ def run(
 
     The first line printed is the run file's path. The run survives crashes: `rig resume` continues it.
 
-    Example: `rig run procedure.toml --bench bench.toml --dry --world world.toml`
+    Examples:
+
+    - `rig run procedure.toml --bench bench.toml`
+    - `rig run procedure.toml --bench bench.toml --dry --world world.toml`
+    - `rig run night.toml --bench bench.toml --operator "Anna Berg" --notify`
     """
     outlive_readers()
     by = acting(bench, login, operator_name)
@@ -157,7 +161,11 @@ def resume(
     A dry run's bench begins again, as after a power cut, so an open whole plot is measured again; `rig sim` keeps a
     simulated bench alive between sessions.
 
-    Example: `rig resume runs/20260115T180000-night-1a2b.sqlite`
+    Examples:
+
+    - `rig resume runs/20260115T180000-night-1a2b.sqlite`
+    - `rig resume RUN --bench moved.toml`
+    - `rig resume NAME.loop.sqlite`
     """
     outlive_readers()
     if run_file.name.endswith(LOOP_SUFFIX):

@@ -40,8 +40,11 @@ def seal(
     The run file is verified first and is not changed; the seals are in `RUN.seal` beside it, and `rig verify RUN` shows
     them. Making a key: `openssl genpkey -algorithm ed25519 -out lab.pem`.
 
-    Examples: `rig seal runs/20260115T180000-night-1a2b.sqlite --key lab.pem --certificate K-2026-0147.pdf`, `rig seal
-    RUN --statement RUN.statement`, then `rig seal RUN --time-stamp RUN.tsr`
+    Examples:
+
+    - `rig seal runs/20260115T180000-night-1a2b.sqlite --key lab.pem --certificate K-2026-0147.pdf`
+    - `rig seal RUN --statement RUN.statement`
+    - `rig seal RUN --time-stamp RUN.tsr`
     """
     from rig.drivers.clock import RealClock  # noqa: PLC0415
     from rig.files.atomic import check_files, write_whole_bytes  # noqa: PLC0415

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from rig.cli.commands import app
-from rig.cli.options import JsonOption
+from rig.cli.options import DatabaseOption, JsonOption
 from rig.cli.people import LabOption
 from rig.cli.show import err, out, print_json
 from rig.cli.signed_in import LoginOption, asked_password, signed_in
@@ -33,15 +34,20 @@ def serve(
     ] = None,
     key: Annotated[Path | None, typer.Option(help="private key of the certificate, PEM", show_default=False)] = None,
     queue: Annotated[bool, typer.Option("--queue/--no-queue", help="carry out the queue of the laboratory")] = True,
+    database: DatabaseOption = "",
 ) -> int:
     """Serve a laboratory: benches, queue, runs, proposals, results, and acts of people who are logged in.
 
     People are those of `rig person`. The first line printed is the address to open. Runs that were started go on after
     its end. The same acts are a JSON API for programs with a token (`docs/how_to/people_and_server.md`).
 
-    Example: `rig serve`
+    Examples:
+
+    - `rig serve`
+    - `rig serve /srv/laboratory --port 8443`
+    - `rig serve --host 0.0.0.0 --name rig.lab --certificate lab.pem --key lab.key`
     """
-    laboratory = laboratory_in(lab)
+    laboratory = replace(laboratory_in(lab), database=database)
     from rig.serve import serve as serve_laboratory  # noqa: PLC0415 - the web server is slow to import
 
     serve_laboratory(
@@ -65,7 +71,11 @@ def mcp(lab: Annotated[Path, typer.Argument(help="a folder of the laboratory")] 
     It speaks on standard input and output, and acts as the program whose token is in `RIG_TOKEN`. It reads, and
     proposes runs for a person to decide; it starts, answers and approves nothing. It needs the extra `mcp`.
 
-    Example: `rig mcp /srv/laboratory`
+    Examples:
+
+    - `rig mcp`
+    - `rig mcp .`
+    - `rig mcp /srv/laboratory`
     """
     from rig.serve.mcp import serve_mcp  # noqa: PLC0415 - few call it
 
@@ -84,7 +94,11 @@ def act(
 ) -> int:
     """Do in a laboratory what its pages do, as a person with a password.
 
-    Examples: `rig act`, `rig act pause why="a visitor" --login anna`, `rig act start proposal=3 --login anna --yes`
+    Examples:
+
+    - `rig act`
+    - `rig act pause why="a visitor" --login anna`
+    - `rig act start proposal=3 --login anna --yes`
     """
     from rig.acts import Places, act_of, acts  # noqa: PLC0415
     from rig.acts.act import SECRET, of_field  # noqa: PLC0415

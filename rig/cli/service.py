@@ -60,7 +60,11 @@ def service(
     The run file comes from `rig run ... --create-only`, or from an interrupted run. There is no unit for a run that is
     complete (exit 2), broken (1) or stopped by a person (4).
 
-    Examples: `rig service runs/ID.sqlite`, `rig service runs/ID.sqlite --install`
+    Examples:
+
+    - `rig service runs/ID.sqlite`
+    - `rig service runs/ID.sqlite --install`
+    - `rig service runs/ID.sqlite --remove`
     """
     if run_as:
         _check_user(run_as)

@@ -18,7 +18,7 @@ from rig.procedures.present.terminal import show
 from rig.procedures.present.visible import visible
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Container, Iterable
     from pathlib import Path
 
     from rich.text import Text
@@ -97,9 +97,11 @@ def headline(file: str, table: Table, console: Console = out) -> None:
     show((headline_of(file, table),), console)
 
 
-def show_notes(result: Result) -> None:
-    """Notes for readers: unused columns and rows, with reasons."""
+def show_notes(result: Result, but: Container[str] = ()) -> None:
+    """Notes for readers: unused columns and rows, with reasons; without those that stand in its blocks."""
     for note in result.notes():
+        if note in but:
+            continue
         err.print(f"[yellow]{escape(note)}[/]", soft_wrap=True)
 
 

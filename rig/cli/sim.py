@@ -33,7 +33,11 @@ def sim(
     written bench file with `rig run procedure.toml --bench LIVE.toml`. Ends with Ctrl-C; SIGUSR1 is a power cut: every
     instrument restarts and loses its volatile state.
 
-    Example: `rig sim bench.toml --world world.toml --speed 100`
+    Examples:
+
+    - `rig sim bench.toml`
+    - `rig sim bench.toml --world world.toml --speed 100`
+    - `rig sim bench.toml --for 600 --tape answers.jsonl`
     """
     from rig.simulated.served import serve_bench  # noqa: PLC0415
 

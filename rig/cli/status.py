@@ -44,7 +44,11 @@ def status(
     running, 4 if it was stopped, 1 if it ended by a fault, 5 if the bench is then not known to be safe, 75 if it was
     interrupted or never begun. An edited or damaged file gives 1 in any case.
 
-    Examples: `rig status runs/ID.sqlite`, `rig status runs`, `rig status RUN --check && rig fit RUN`
+    Examples:
+
+    - `rig status runs/ID.sqlite`
+    - `rig status runs`
+    - `rig status RUN --check && rig fit RUN`
     """
     if run_file.is_dir():
         return list_runs(run_file, as_json=as_json, check=check)

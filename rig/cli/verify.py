@@ -67,8 +67,11 @@ def verify(
     (`rig seal`), with the public key of the sealer: --sealed-by. Exit code 0: intact, a given head is the hash of one
     of its records, and every seal holds; 1: broken, inconsistent, another head, or a seal that does not hold.
 
-    Examples: `rig verify runs/20260115T180000-night-1a2b.sqlite --head 3f7a9c0d51e2b846`, `rig verify DAMAGED.sqlite
-    --restore NEW.sqlite`
+    Examples:
+
+    - `rig verify runs/20260115T180000-night-1a2b.sqlite`
+    - `rig verify RUN --head 3f7a9c0d51e2b846`
+    - `rig verify DAMAGED.sqlite --restore NEW.sqlite`
     """
     if head is not None and not re.fullmatch("[0-9a-f]{8,64}", head := head.strip().lower()):
         raise UsageError(

@@ -31,7 +31,11 @@ def watch(
     It reads the run file and the controller's status file beside it, writes nothing, and needs no internet. The first
     line printed is the address to open. Ends with Ctrl-C.
 
-    Example: `rig watch runs/`
+    Examples:
+
+    - `rig watch runs/`
+    - `rig watch RUN --port 8090`
+    - `rig watch RUN --against EARLIER_RUN`
     """
     if token is not None and len(token) < _SHORTEST:
         raise UsageError(f"--token: {len(token)} characters are too easily guessed; {_SHORTEST} at least, or leave it")

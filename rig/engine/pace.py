@@ -18,6 +18,8 @@ from math import exp, inf, log
 import numpy as np
 
 from rig.bench.config import FOLLOWS_S, BenchConfig
+from rig.bench.plugins import driver_class
+from rig.errors import ConfigurationError
 from rig.procedures.column_names import unit_of
 from rig.procedures.plan.conduct import Conduct, SoakSettings
 from rig.procedures.plan.run_list import RunList
@@ -44,19 +46,28 @@ class Follower:
 
     Attributes:
         ramp_degC_per_s: rate of its setpoint.
-        follows_s: time constant with which the sensors follow.
+        follows_s: time constant with which the sensors follow; 0 where nothing shows how they do.
+        tolerance_degC: of what has to settle; a source that does not ramp follows, too, and its own reading counts.
 
     """
 
     ramp_degC_per_s: float
     follows_s: float
+    tolerance_degC: float
 
     def settled_s(self, change_degC: float, soak: SoakSettings) -> float:
-        """Seconds from the command until the sensors are within tolerance and their drift is within its limit."""
+        """Seconds from the command until the last dwell begins: within tolerance, with a drift over it in its limit.
+
+        The drift of a single exponential is the least-squares slope over the dwell, which is less than that at its
+        begin. The air and walls of a chamber with a ramp come late, too, which takes about as much longer.
+        """
         ramp = change_degC / self.ramp_degC_per_s
         tau = self.follows_s
+        if not tau:
+            return ramp
         behind = self.ramp_degC_per_s * tau * (1.0 - exp(-ramp / tau)) if ramp > 0 else change_degC
-        allowed = min(soak.sensor_tolerance_degC, soak.drift_degC_per_h / 3600.0 * tau)
+        lessens = _slope_over(soak.dwell_s / tau) if self.ramp_degC_per_s == inf else 1.0
+        allowed = min(self.tolerance_degC, soak.drift_degC_per_h / 3600.0 * tau / lessens)
         return ramp + tau * log(max(behind / allowed, 1.0))
 
 
@@ -92,7 +103,7 @@ class Pace:
         self._plot = np.array(numbers)
         self._open = np.ones(len(numbers), np.bool_)
         self._travel = _travel_s(run_list, bench)
-        followers = _followers(run_list, bench)
+        followers = _followers(run_list, bench, self._soak)
         self._soaks, self._soak_free = _soaks_s(run_list, self._soak, followers), not followers
         self._point_s = _point_s(run_list, conduct, bench)
         self._points: deque[float] = deque(maxlen=KEPT)
@@ -210,9 +221,11 @@ def _point_s(run_list: RunList, conduct: Conduct, bench: BenchConfig) -> float:
     """
     own = [_rate(bench, factor.name, "dwell_s") for factor in run_list.easy]
     readers = {one.reader for one in bench.sensors.values()} | {one.reader for one in bench.references.values()}
-    reading = [bench.instruments[name].options.get("reading_s") for name in readers]
-    known = [float(one) for one in reading if isinstance(one, int | float)]
-    sweep_s = max(known) if known and len(known) == len(reading) else SWEEP_S
+    options = [bench.instruments[name].options for name in readers]
+    known = [(float(one["reading_s"]), "start" in one) for one in options if "reading_s" in one]
+    together = max((s for s, started in known if started), default=0.0)
+    one_by_one = sum(s for s, started in known if not started)  # a meter that is not started reads when it is asked
+    sweep_s = together + one_by_one if known and len(known) == len(options) else SWEEP_S
     wait_s = conduct.settle.dwell_s
     return wait_s + max((one for one in own if one is not None), default=wait_s) + sweep_s * conduct.readings
 
@@ -222,14 +235,40 @@ def _rate(bench: BenchConfig, factor: str, option: str) -> float | None:
     return float(given) if isinstance(given, int | float) and given > 0 else None
 
 
-def _followers(run_list: RunList, bench: BenchConfig) -> Mapping[str, Follower]:
+def _slope_over(dwells: float) -> float:
+    """The least-squares slope of exp(-t) from 0 to `dwells`, beside that at 0: 1 for a short time, less for a long one.
+
+    Example:
+        >>> round(_slope_over(0.001), 3), round(_slope_over(2.0), 3)
+        (1.0, 0.406)
+    """
+    x = dwells
+    if x < 0.01:  # the differences of a short time round
+        return 1.0
+    return 12.0 / x**3 * (0.5 * x * (1.0 - exp(-x)) - (1.0 - exp(-x) * (1.0 + x)))
+
+
+def _followers(run_list: RunList, bench: BenchConfig, soak: SoakSettings) -> Mapping[str, Follower]:
     out = {}
     for factor in run_list.hard:
         if unit_of(factor.name) != TEMPERATURE_UNIT:
             continue
         rate = _rate(bench, factor.name, "ramp_degC_per_min")
-        out[factor.name] = Follower(inf if rate is None else rate / 60.0, follows_s(bench, factor.name))
+        tolerance = soak.sensor_tolerance_degC if rate else min(soak.sensor_tolerance_degC, soak.tolerance_degC)
+        tau = follows_s(bench, factor.name) if is_read(bench, factor.name) else 0.0
+        out[factor.name] = Follower(inf if rate is None else rate / 60.0, tau, tolerance)
     return out
+
+
+def is_read(bench: BenchConfig, factor: str) -> bool:
+    """Whether something reads what a hard factor is: a thermometer, or its instrument if that has no `read` to say."""
+    entry = bench.instruments.get(bench.setters.get(factor, ""))
+    if bench.thermometers(factor) or entry is None or entry.options.get("read"):
+        return True
+    try:
+        return "read" not in driver_class(entry.driver).Options.model_fields
+    except ConfigurationError:  # an instrument that was given to the engine as it is
+        return True
 
 
 def follows_s(bench: BenchConfig, factor: str) -> float:

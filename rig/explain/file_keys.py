@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from rig.bench.config import BenchConfig
-from rig.bench.plugins import driver_class, installed
+from rig.bench.plugins import driver_class, drivers
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.instrument import Instrument
 from rig.contracts.declared.roles import Channel, Mark, Reader, Source
@@ -58,8 +58,8 @@ def procedure() -> str:
 
 
 def instruments() -> str:
-    """Options of every installed driver."""
-    return _joined(*(f"## `{name}`\n\n{options(name)}" for name in installed("rig.drivers")))
+    """Options of every driver, in Python or a file."""
+    return _joined(*(f"## `{name}`\n\n{options(name)}" for name in drivers()))
 
 
 def instrument_file() -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+
+from rig.procedures.present.meant import meant, nearest
 
 _PLAIN = {
     "bool_type": "should be true or false, without quotes",
@@ -132,8 +133,8 @@ def _quoted(text: str) -> list[str]:
 
 def _near(given: str, known: Iterable[str]) -> str:
     known = list(known)
-    near = difflib.get_close_matches(given, known, n=1)
-    return f"did you mean {near[0]!r}?" if near else f"known: {', '.join(repr(k) for k in known)}"
+    near = nearest(given, known)
+    return f"did you mean {near!r}?" if near else f"known: {', '.join(repr(k) for k in known)}"
 
 
 def _near_field(model: type[BaseModel], place: tuple[int | str, ...]) -> str:
@@ -151,8 +152,7 @@ def _near_field(model: type[BaseModel], place: tuple[int | str, ...]) -> str:
     names = [name for m in inner for name in m.model_fields]
     if not names:
         return ""
-    near = difflib.get_close_matches(str(place[-1]), names, n=1)
-    return f"; did you mean {near[0]}?" if near else f" (known: {', '.join(dict.fromkeys(names))})"
+    return meant(str(place[-1]), names) or f" (known: {', '.join(dict.fromkeys(names))})"
 
 
 def _models(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -109,9 +109,15 @@ class Log:
 
 @dataclass(frozen=True)
 class Laboratory:
-    """A laboratory, by its folder."""
+    """A laboratory, by its folder.
+
+    Attributes:
+        folder: of its people, settings and results.
+        database: address of the database in which its index is kept; "" for a file in the folder.
+    """
 
     folder: Path
+    database: str = ""
 
     @property
     def people_file(self) -> Path:

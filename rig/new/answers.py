@@ -124,8 +124,8 @@ def model(given: Any, factors: Mapping[str, list[float]]) -> str:
         raise ValueError(f"{error}; or one of {', '.join(MODELS)}") from None
     if other := [name for name in names if name not in factors]:
         raise ValueError(
-            f"{other[0]} is not set here; a formula has {', '.join(factors)}; or one of {', '.join(MODELS)}. A model "
-            "in what a standard reads comes later, by [references] in the bench file (docs/how_to/general.md)"
+            f"{other[0]} is neither set nor read by a standard here; a formula has {', '.join(factors)}; or one of "
+            f"{', '.join(MODELS)}"
         )
     settings = len(next(iter(factors.values())))
     if _DEGREES.get(found, 0) >= settings:

@@ -14,8 +14,21 @@ from rig.files.atomic import check_writable
 from rig.files.toml_text import toml_text
 from rig.new import instruments
 from rig.new.answers import NONE, UNKNOWN, Answers, formula
-from rig.new.instruments import CHAMBER, PARTS, READS, SETS
-from rig.new.questions import factor, factors, has_chamber, known_options, soaked, with_key
+from rig.new.instruments import CHAMBER, PARTS, READS, SETS, STANDARD, meters
+from rig.new.questions import (
+    abscissa,
+    at_key,
+    ends,
+    factor,
+    factors,
+    has_chamber,
+    has_standard,
+    known_options,
+    modelled,
+    soaked,
+    steers,
+    with_key,
+)
 from rig.procedures.column_names import spelled, unit_of
 from rig.units.of_instruments import ATMOSPHERE_PSIA, TEMPERATURE_UNIT
 from rig.verbs.instrument.catalogue import text_named
@@ -23,8 +36,8 @@ from rig.verbs.instrument.catalogue import text_named
 NAMES = ("bench.toml", "procedure.toml", "equipment.toml", "certificate.toml", "world.toml", "answers.toml")
 """Files that are written."""
 BENCH, PROCEDURE, REGISTER, CERTIFICATE, WORLD, ANSWERS = NAMES
-_NAMES, _ASSETS = {SETS: "source", READS: "meter", CHAMBER: "chamber"}, {SETS: "SET-01", READS: "READ-01"}
-_ASSETS[CHAMBER] = "CH-01"
+_NAMES = {SETS: "source", STANDARD: "standard", READS: "meter", CHAMBER: "chamber"}
+_ASSETS = {SETS: "SET-{:02d}", STANDARD: "REF-{:02d}", READS: "READ-{:02d}", CHAMBER: "CH-{:02d}"}
 _SOAKED_BY, _ROOM = 15.0, (0.0, 30.0)
 
 
@@ -101,9 +114,19 @@ def _person(answers: Answers, part: str) -> bool:
     return instruments.by_hand(answers[with_key(part)])
 
 
-def _instrument(answers: Answers, part: str) -> str:
+def _instrument(answers: Answers, part: str, number: int = 1) -> str:
     """Its name on the bench; a person is one, whatever he does."""
-    return "operator" if _person(answers, part) else _NAMES[part]
+    numbered = f"_{number}" if part == READS and meters(answers) > 1 else ""
+    return "operator" if _person(answers, part) else f"{_NAMES[part]}{numbered}"
+
+
+def _numbers(answers: Answers, part: str) -> range:
+    """Numbers of the instruments of a part, from 1."""
+    return range(1, 1 + (meters(answers) if part == READS else 1))
+
+
+def _asset(part: str, number: int = 1) -> str:
+    return _ASSETS[part].format(number)
 
 
 def _dials(answers: Answers) -> list[str]:
@@ -134,15 +157,20 @@ def _bench(answers: Answers) -> Iterator[str]:
     yield _line("equipment", REGISTER, "the register: what certificates of instruments say")
     told: list[str] = []
     for part in _parts(answers):
-        if _instrument(answers, part) not in told:
-            told.append(_instrument(answers, part))
-            yield from _instrument_lines(answers, part)
+        for number in _numbers(answers, part):
+            if _instrument(answers, part, number) not in told:
+                told.append(_instrument(answers, part, number))
+                yield from _instrument_lines(answers, part, number)
     yield from _sensor_lines(answers)
     yield from ["", "[factors]                             # which instrument sets each factor of the procedure"]
     if not instruments.plays(answers["sets_with"], Head):
         yield _line(factor(answers), _instrument(answers, SETS))
     if has_chamber(answers):
         yield _line("chamber_degC", _instrument(answers, CHAMBER))
+    if has_standard(answers):
+        yield from ["", _beside(f"[references.{abscissa(answers)}]", "models and results are in what it reads")]
+        yield _line("reader", _instrument(answers, STANDARD))
+        yield from [_line("of", factor(answers), "what is set to make it")] if steers(answers) else []
     yield from [
         "",
         "# Lowest and highest value, of commands and of what is read back, also at rest. Set them to what your",
@@ -153,32 +181,39 @@ def _bench(answers: Answers) -> Iterator[str]:
         yield _line(name, _limits(answers, part, name))
 
 
-def _instrument_lines(answers: Answers, part: str) -> Iterator[str]:
+def _instrument_lines(answers: Answers, part: str, number: int) -> Iterator[str]:
     name = answers[with_key(part)]
     does = {SETS: f"sets {factor(answers)}", READS: f"reads {answers['reads']}", CHAMBER: "sets the temperature"}
-    yield from ["", _beside(f"[instruments.{_instrument(answers, part)}]", f"{does[part]}")]
+    does[STANDARD] = f"the standard: it reads {abscissa(answers)}"
+    yield from ["", _beside(f"[instruments.{_instrument(answers, part, number)}]", f"{does[part]}")]
     yield _line("driver", f"./{Path(name).name}" if is_file(name) else name)
     if _person(answers, part):
         if part == SETS:
-            yield _line("asset", _ASSETS[part], f"of what is set: weights, a scale; its entry in {REGISTER}")
+            yield _line("asset", _asset(part), f"of what is set: weights, a scale; its entry in {REGISTER}")
             yield _line("say", f"set {answers['quantity']} to {{value}} {spelled(answers['sets_in'])}",
                         "what the person is asked to do")  # fmt: skip
         if _person(answers, READS):
             yield _line("reads", dict.fromkeys(_dials(answers), answers["reads_in"]), "what is typed, and its unit")
             yield _line("resolution", dict.fromkeys(_dials(answers), answers["resolution"]), "how finely it is read")
         return
-    if address := answers.get(f"{part}_at"):
+    if address := answers.get(at_key(part, number)):
         yield _line("address", address, "where it is connected")
-    yield _line("asset", _ASSETS[part], f"your number for it, and its entry in {REGISTER}")
-    yield from (_line(key, value) for key, value in known_options(part, answers).items())
+    yield _line("asset", _asset(part, number), f"your number for it, and its entry in {REGISTER}")
+    options = known_options(part, answers)
+    yield from (_line(key, value) for key, value in options.items())
+    if number == 1:
+        for key, value, words, used in instruments.more(part, name, answers):
+            yield _line(key, value, words) if used else _beside(f"# {_line(key, value)}", words)
 
 
 def _sensor_lines(answers: Answers) -> Iterator[str]:
     name, unit, options = answers["reads_with"], answers["reads_in"], known_options(READS, answers)
     there = _dials(answers) if _person(answers, READS) else instruments.channels(name, options, unit) or ["input"]
-    for sensor, channel in zip(_sensors(answers), there, strict=False):
+    several = meters(answers)
+    every = there * several if several > 1 else there
+    for number, (sensor, channel) in enumerate(zip(_sensors(answers), every, strict=False), 1):
         yield from ["", _beside(f"[sensors.{sensor}]", f"recorded as {sensor}_{unit}")]
-        yield _line("reader", _instrument(answers, READS))
+        yield _line("reader", _instrument(answers, READS, number if several > 1 else 1))
         yield _line("channel", channel)
         yield _line("unit", unit)
 
@@ -234,9 +269,10 @@ def _procedure(answers: Answers) -> Iterator[str]:
     yield from ["", "[model]"]
     if answers["model"] == UNKNOWN:
         yield "# No model was named: this is the straight line. `rig trace RUN` says what it lacks; write that here."
-    yield _line("formula", formula(answers["model"], name), "terms, each with a coefficient that is fitted")
+    inferred = abscissa(answers)
+    yield _line("formula", formula(answers["model"], inferred), "terms, each with a coefficient that is fitted")
     if has_chamber(answers):
-        yield _line("abscissa", name, "what is inferred from a reading")
+        yield _line("abscissa", inferred, "what is inferred from a reading")
     unit = spelled(answers["reads_in"])
     yield from [
         "",
@@ -250,15 +286,18 @@ def _register(answers: Answers) -> Iterator[str]:
     yield "# Fill in what is empty; take the # away, write your certificate's numbers. Keys: `rig explain equipment`."
     yield _line("name", f"equipment of {answers['name']}"[:60])
     yield from ["", "[laboratory]", _line("name", "", "your laboratory"), _line("address", "")]
-    quantity = {SETS: factor(answers), READS: answers["reads_in"], CHAMBER: "chamber_degC"}
-    for part in _parts(answers):
+    quantity = {SETS: factor(answers), READS: answers["reads_in"], CHAMBER: "chamber_degC", STANDARD: abscissa(answers)}
+    for part, number in [(one, number) for one in _parts(answers) for number in _numbers(answers, one)]:
         if part == READS and _person(answers, part):
             continue
-        asset, unit = _ASSETS[part], unit_of(quantity[part])
+        asset, unit = _asset(part, number), unit_of(quantity[part])
         yield from ["", f"[equipment.{asset}]"]
         yield _line("description", "set by hand" if _person(answers, part) else _NAMES[part])
         yield from (_line(key, "") for key in ("maker", "model", "serial"))
-        yield from (f"# {line}" for line in _statement(asset, quantity[part], unit))
+        if part == SETS and has_standard(answers):
+            yield "# It needs no certificate: the standard reads what it makes."
+        else:
+            yield from (f"# {line}" for line in _statement(asset, quantity[part], unit))
     for sensor in _sensors(answers):
         yield from ["", _beside(f"[sensors.{sensor}]", "what you calibrate, for its certificate")]
         yield from (_line(key, "") for key in ("maker", "model", "serial", "customer", "customer_address", "condition"))
@@ -284,25 +323,39 @@ def _certificate(answers: Answers) -> Iterator[str]:
     yield _line("number", "CAL-{year}-{next:04d}", "the next number that no certificate has")
     yield _line("country", "", "of your laboratory, two letters: GB")
     yield _line("item", "", "what you calibrate, in words: load cell, 10 kN")
+    yield _line("approved_by", "", "who approves; --approved-by says another one")
     yield from ["at = [                                # settings at which outputs are stated", *_points(answers), "]"]
     yield from ["", "[method]", _line("name", "", "your procedure, by number and title")]
 
 
 def _points(answers: Answers) -> Iterator[str]:
-    """Lines of the lowest, a middle, and the highest level, with a middle of what else the model has."""
-    name, levels = factor(answers), sorted(answers["levels"])
-    more = {n: sorted(v)[len(v) // 2] for n, v in factors(answers).items() if n != name and n in answers["model"]}
-    for level in dict.fromkeys((levels[0], levels[len(levels) // 2], levels[-1])):
+    """Lines of the lowest, a middle, and the highest level, with a middle of what else is set."""
+    name, levels = abscissa(answers), sorted(answers["levels"])
+    more = {n: sorted(v)[len(v) // 2] for n, v in modelled(answers).items() if n != name}
+    low, high = ends(answers)
+    middle = float(f"{0.5 * (low + high):.3g}") if steers(answers) else levels[len(levels) // 2]
+    for level in dict.fromkeys((low, middle, high)):
         yield f"    {{ {', '.join(toml_text({n: v}).strip() for n, v in {name: level, **more}.items())} }},"
 
 
 def _world(answers: Answers) -> Iterator[str]:
-    name, levels = factor(answers), answers["levels"]
-    slope = float(f"{1.0 / max(map(abs, levels)):.3g}")
+    name, (low, high) = abscissa(answers), ends(answers)
+    slope = float(f"{1.0 / max(abs(low), abs(high)):.3g}")
     yield "# The truth behind a dry run: `rig run ... --dry --world world.toml`. Fit and trace never read it."
     yield "# Give your sensor's size, and a `hidden` part to see whether the trace finds it: `rig explain world`."
     yield _line("seed", 1)
+    if has_standard(answers):
+        levels = sorted(answers["levels"])
+        gain = float(f"{(high - low) / (levels[-1] - levels[0]):.6g}")
+        yield from ["", _beside(f"[references.{name}]", "the true value, as a function of what is set")]
+        shift = f"{low:g} + {gain:g}*({factor(answers)} - {levels[0]:g})".replace("- -", "+ ")
+        yield from [_line("formula", shift)] if steers(answers) else []
+        yield _line("noise", float(f"{1e-5 * max(abs(low), abs(high)):.1g}"))
     for sensor in _sensors(answers):
         yield from ["", _beside(f"[sensors.{sensor}]", f"in {spelled(answers['reads_in'])}")]
         yield _line("formula", f"0.01 + {slope:g}*{name}")
         yield _line("noise", 0.0001)
+        if has_chamber(answers) and sensor == _sensors(answers)[0]:
+            yield _beside(
+                f'# hidden = "{0.001 * slope:.1g}*{name}*(chamber_degC - 25)"', "what your model does not have"
+            )

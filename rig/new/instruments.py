@@ -22,21 +22,38 @@ from rig.drivers.clock import RealClock
 from rig.drivers.roles import ByHand, Chamber, Head, PressureController, Reader, Source, WithUnits
 from rig.errors import ConfigurationError, RigError
 from rig.new.answers import NONE, Answers, option, span
-from rig.procedures.column_names import spelled
+from rig.procedures.column_names import spelled, unit_of
 from rig.units.of_instruments import HEAD_AXES, PRESSURE_UNIT, TEMPERATURE_UNIT, VOLT, scale
 from rig.verbs.instrument.catalogue import text_named
 
-SETS, READS, CHAMBER = "sets", "reads", "chamber"
-PARTS = (SETS, READS, CHAMBER)
+SETS, STANDARD, READS, CHAMBER = "sets", "standard", "reads", "chamber"
+PARTS = (SETS, STANDARD, READS, CHAMBER)
 """Parts of a bench that an instrument is named for."""
 
 _TAKES: Mapping[str, tuple[type, ...]] = {
     SETS: (ByHand, Source, PressureController, Chamber, Head),
+    STANDARD: (Reader,),
     READS: (Reader,),
     CHAMBER: (Chamber, Source),
 }
 _ASKED = ("model", "on", "off", "output")
 """Options that are asked for, although they have a default: without them most instruments are refused."""
+_MORE: Mapping[str, tuple[Any, str]] = {
+    "maker": ("MAKER", "as *IDN? says it; another instrument is refused"),
+    "check": ({"UNIT?": "V"}, "questions and answers that show a change at its panel"),
+    "start": ("SAMP:COUN {count};:INIT", "if it keeps readings: all meters then start together,"),
+    "fetch": ("FETC?", "and are asked for them; READ? takes one after the other"),
+    "read": ("READ?", "if it reads back: settled within its tolerance"),
+    "tolerance": (0.1, "of that, in its unit"),
+    "time_constant_s": (300, "how it approaches a setting: for forecasts and dry runs"),
+}
+"""Options that instruments of one's own often need and do not have to have: an example, and what it is for."""
+_READS_BACK: Mapping[str, str] = {
+    "read": "where it stands now; a chamber that cannot say so: leave out this and the next two lines",
+    "tolerance": "settled within this of its setting",
+    "time_constant_s": "how it approaches a setting: for forecasts and dry runs",
+}
+"""A chamber has these from the beginning: a run that waits for a temperature has to know when it is there."""
 _WORDS = {"V": "VOLT", "A": "CURR", "degC": "TEMP"}
 
 
@@ -115,15 +132,15 @@ def sets_unit(name: str, options: Mapping[str, Any]) -> str:
 def unsuitable(part: str, name: str, answers: Answers) -> str:
     """Why an instrument cannot be named for a part, as a sentence; "" if it can."""
     if not plays(name, *_TAKES[part]):
-        return f"{name} {'reads nothing' if part == READS else 'sets nothing'}"
+        return f"{name} {'reads nothing' if part in (READS, STANDARD) else 'sets nothing'}"
     if plays(name, Head) and answers["quantity"] not in HEAD_AXES:
         return f"{name} sets {' or '.join(HEAD_AXES)}; call what you set so"
     options = {**widened(part, name, answers), **suggested(part, name, answers)}
-    if part == READS:
-        wanted = answers["reads_in"]
+    if part in (READS, STANDARD):
+        wanted = unit_of_part(part, answers)
         found = None if by_hand(name) else channels(name, options, wanted)
         return "" if found is None or found else f"{name} does not read {spelled(wanted)}"
-    wanted = answers["sets_in"] if part == SETS else TEMPERATURE_UNIT
+    wanted = unit_of_part(part, answers)
     own = sets_unit(name, options)
     if own not in ("", wanted):
         return f"{name} sets {spelled(own)}, not {spelled(wanted)}"
@@ -133,6 +150,36 @@ def unsuitable(part: str, name: str, answers: Answers) -> str:
         if min(values) < low or max(values) > high:
             return f"{name} goes from {low:g} to {high:g}, and the levels are {span(values, wanted)}"
     return ""
+
+
+def unit_of_part(part: str, answers: Answers) -> str:
+    """The unit in which a part of the bench sets or reads."""
+    if part == STANDARD:
+        return unit_of(answers[STANDARD])
+    return str({SETS: answers["sets_in"], READS: answers.get("reads_in", VOLT)}.get(part, TEMPERATURE_UNIT))
+
+
+def meters(answers: Answers) -> int:
+    """How many instruments read what is calibrated: one for each sensor, if one has a single channel."""
+    name = answers["reads_with"]
+    if by_hand(name):
+        return 1
+    there = channels(name, suggested(READS, name, answers), answers["reads_in"])
+    return int(answers["channels"]) if there is not None and len(there) == 1 else 1
+
+
+def more(part: str, name: str, answers: Answers) -> Iterator[tuple[str, Any, str, bool]]:
+    """Options of an instrument described in the bench file that it may need, too.
+
+    Yields:
+        Key, example, what it is for, and whether it is used from the beginning.
+    """
+    fields, unit = driver(name).Options.model_fields, unit_of_part(part, answers)
+    own = {"check": {"UNIT?": unit.upper()}} | ({} if unit == TEMPERATURE_UNIT else {"time_constant_s": 0.5})
+    for key, (example, words) in _MORE.items() if asked(name) else ():
+        if key in fields and not fields[key].is_required():
+            used = part == CHAMBER and key in _READS_BACK
+            yield key, own.get(key, example), _READS_BACK[key] if used else words, used
 
 
 _LEVELS = {SETS: "levels", CHAMBER: "chamber_degC"}
@@ -177,11 +224,11 @@ def suggested(part: str, name: str, answers: Answers) -> dict[str, Any]:
     """Options that follow from the other answers, and suggestions for those that it needs."""
     cls = driver(name)
     fields = cls.Options.model_fields
-    unit = answers["reads_in"] if part == READS else answers["sets_in"] if part == SETS else TEMPERATURE_UNIT
+    unit = unit_of_part(part, answers)
     values = answers.get(_LEVELS.get(part, ""), [0.0, 1.0])
     low, high = min(0.0, *values), max(0.0, *values)
     word = _WORDS.get(unit, "SOUR")
-    count = int(answers.get("channels", 1))
+    count = int(answers.get("channels", 1)) if part == READS else 1
     every = {
         "unit": unit,
         "low": low,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,8 +12,9 @@ from rig.errors import UsageError
 from rig.new import answers as of
 from rig.new import instruments
 from rig.new.answers import MODELS, NONE, Answers
-from rig.new.instruments import CHAMBER, PARTS, READS, SETS
-from rig.procedures.column_names import spelled
+from rig.new.instruments import CHAMBER, PARTS, READS, SETS, STANDARD
+from rig.procedures.column_names import spelled, split_unit, stem_of
+from rig.procedures.present.meant import nearest
 from rig.procedures.tables.table import UNITS
 from rig.units.of_instruments import TEMPERATURE_UNIT
 
@@ -82,6 +82,33 @@ def factors(answers: Answers) -> dict[str, list[float]]:
     return found | ({"chamber_degC": answers["chamber_degC"]} if has_chamber(answers) else {})
 
 
+def has_standard(answers: Answers) -> bool:
+    """Whether a standard reads what is set."""
+    return bool(answers.get(STANDARD, NONE) != NONE)
+
+
+def steers(answers: Answers) -> bool:
+    """Whether a standard reads another quantity than the one that is set: a flow, for the volts of a valve."""
+    return has_standard(answers) and answers[STANDARD] != factor(answers)
+
+
+def abscissa(answers: Answers) -> str:
+    """The column of models and results: what a standard reads, or what is set."""
+    return str(answers[STANDARD]) if has_standard(answers) else factor(answers)
+
+
+def ends(answers: Answers) -> list[float]:
+    """Lowest and highest value of the abscissa."""
+    found = answers["standard_range"] if steers(answers) else answers["levels"]
+    return [min(found), max(found)]
+
+
+def modelled(answers: Answers) -> dict[str, list[float]]:
+    """Levels of all that a model may have, by column."""
+    found = factors(answers)
+    return {abscissa(answers): found.pop(factor(answers)), **found}
+
+
 def with_key(part: str) -> str:
     """The key of the instrument of a part."""
     return CHAMBER if part == CHAMBER else f"{part}_with"
@@ -94,9 +121,26 @@ def _quantity(given: Any, _: Answers) -> str:
     return found
 
 
+def _standard(given: Any, answers: Answers) -> str:
+    found = str(given).strip()
+    if found == NONE:
+        return NONE
+    stem, unit = split_unit(of.word(found))
+    if not (stem and unit) or stem in (CHAMBER, "replicate", "order", "elapsed", "block"):
+        raise ValueError(f"{found} has to be a name with its unit, such as flow_kg_per_min, or {NONE}")
+    if stem == answers["quantity"] and found != factor(answers):
+        raise ValueError(f"it is read as {factor(answers)}, in the unit in which it is set, or has another name")
+    return found
+
+
+def _range(given: Any, _: Answers) -> list[float]:
+    found = of.levels(given)
+    return [min(found), max(found)]
+
+
 def _sensor(given: Any, answers: Answers) -> str:
     found = of.word(given)
-    if found == answers["quantity"] or found in UNITS:
+    if found in (answers["quantity"], stem_of(abscissa(answers)), *UNITS):
         raise ValueError(f"{found} is a column of the table already; choose another, such as {found}_sensor")
     return found
 
@@ -128,7 +172,7 @@ _PLACES = {"serial": "/dev/rig/{}", "modbus": "modbus-tcp://192.0.2.10:502/1", "
 _WHERE = "such as /dev/ttyUSB0, COM4, socket://HOST:5025, modbus-tcp://HOST:502/UNIT, visa://GPIB0::9::INSTR"
 
 
-def _address(part: str) -> Question:
+def _address(part: str, number: int = 1) -> Question:
     def check(given: Any, answers: Answers) -> str:
         from rig.drivers.wires.addresses import parse_address  # noqa: PLC0415 - imports the wires
 
@@ -139,18 +183,26 @@ def _address(part: str) -> Question:
             raise ValueError(str(error)) from None
         if address.simulated:
             raise ValueError(f"{found} belongs to a twin; write the instrument's own address, `--dry` replaces it")
-        for other in PARTS[: PARTS.index(part)]:
-            if answers.get(f"{other}_at") == found and not getattr(cls, "shares", False):
+        for other in PARTS[: PARTS.index(part) + 1]:
+            places = [answers.get(at_key(other, n)) for n in range(1, number if other == part else 2)]
+            if found in places and not getattr(cls, "shares", False):
                 raise ValueError(f"{found} is the address of {answers[with_key(other)]}; each instrument has its own")
         return found
 
     def default(answers: Answers) -> str:
-        return _PLACES[instruments.driver(answers[with_key(part)]).wire].format(part)
+        named = part if number == 1 else f"{part}_{number}"
+        return _PLACES[instruments.driver(answers[with_key(part)]).wire].format(named)
 
+    which = "it" if number == 1 else f"number {number} of them"
     return Question(
-        f"{part}_at", "Where is it connected?", _WHERE,
+        at_key(part, number), f"Where is {which} connected?", _WHERE,
         default, check, when=_wired(part), port=True,
     )  # fmt: skip
+
+
+def at_key(part: str, number: int = 1) -> str:
+    """The key of the address of a part's instrument, or of another one like it."""
+    return f"{part}_at" if number == 1 else f"{part}_at_{number}"
 
 
 def _channels(given: Any, answers: Answers) -> int:
@@ -159,7 +211,7 @@ def _channels(given: Any, answers: Answers) -> int:
         return found
     options = instruments.suggested(READS, name, {**answers, "channels": found})
     there = instruments.channels(name, options, answers["reads_in"])
-    if there is not None and len(there) < found:
+    if there is not None and 1 != len(there) < found:
         raise ValueError(
             f"{name} has {len(there)} of {spelled(answers['reads_in'])} ({', '.join(there)}); choose fewer, "
             "another instrument, or write the file of yours (docs/how_to/own_instrument.md)"
@@ -187,6 +239,22 @@ QUESTIONS: tuple[Question, ...] = (
     ),
     _address(SETS),
     Question(
+        STANDARD, "Does a standard read what you set?",
+        "what it reads, with its unit, such as flow_kg_per_min: models and certificates are in it; or none",
+        lambda _: NONE, _standard,
+    ),
+    Question(
+        "standard_with", "With which instrument does it read?", "its name, or your own file ./NAME.toml",
+        _with(STANDARD), lambda v, a: instruments.named(STANDARD, v, a), lambda a: instruments.offered(STANDARD, a),
+        when=has_standard,
+    ),
+    _address(STANDARD),
+    Question(
+        "standard_range", "What does it read at the lowest and the highest level?",
+        "about, such as 0.5 4: points of the certificate, and the simulated bench",
+        lambda a: [min(a["levels"]), max(a["levels"])], _range, when=steers,
+    ),
+    Question(
         "reads", "What do you calibrate?", "a name for what you read, such as cell or gauge; several are numbered",
         lambda _: "sensor", _sensor,
     ),
@@ -198,7 +266,10 @@ QUESTIONS: tuple[Question, ...] = (
         "reads_with", "With which instrument is it read?", "its name, or your own file ./NAME.toml",
         _with(READS), lambda v, a: instruments.named(READS, v, a), lambda a: instruments.offered(READS, a),
     ),
-    Question("channels", "How many are read?", "each is a channel of it", lambda _: 1, _channels),
+    Question(
+        "channels", "How many are read?", "each is a channel of it; of a meter with one channel there is one for each",
+        lambda _: 1, _channels,
+    ),
     _address(READS),
     Question(
         "resolution", "How finely can it be read?", "in its unit: the smallest difference that the eye sees",
@@ -234,7 +305,7 @@ QUESTIONS: tuple[Question, ...] = (
     ),
     Question(
         "model", "Which model?", "a name, or a formula such as 1 + force_kN + force_kN^2",
-        lambda _: of.UNKNOWN, lambda v, a: of.model(v, factors(a)), lambda _: MODELS,
+        lambda _: of.UNKNOWN, lambda v, a: of.model(v, modelled(a)), lambda _: MODELS,
     ),
 )  # fmt: skip
 """All questions in their order; options of instruments follow their addresses, see `due`."""
@@ -253,6 +324,8 @@ def due(answers: Answers) -> Iterator[Question]:
             yield question
         part = question.key.removesuffix("_at")
         if question.port and answers.get(with_key(part), NONE) != NONE:
+            several = range(2, instruments.meters(answers) + 1) if part == READS else ()
+            yield from (_address(part, number) for number in several)
             yield from _options(part, answers[with_key(part)])
 
 
@@ -289,7 +362,7 @@ def completed(given: Mapping[str, Any], where: str) -> Answers:
         except ValueError as error:
             raise UsageError(f"{where}: {question.key}: {error}") from None
     for key in flat:
-        near = difflib.get_close_matches(key, list(answers), n=1)
-        hint = f"did you mean {near[0]}?" if near else f"asked are {', '.join(answers)}"
+        near = nearest(key, answers)
+        hint = f"did you mean {near}?" if near else f"asked are {', '.join(answers)}"
         raise UsageError(f"{where}: {key} is not asked with these answers; {hint}")
     return answers

@@ -1,11 +1,16 @@
-"""The file of a queue, `queue.sqlite`: append-only and hash-chained like a run file, and opened for a moment only."""
+"""A queue and where it is kept: a file `queue.sqlite`, append-only and hash-chained like a run file."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import contextlib
+import fcntl
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from rig.errors import BusyError
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
 from rig.run_file.events.queues import QueueBegan, Queued, QueueEnded, QueueMoved, QueuePaused, QueueRemoved
@@ -23,12 +28,14 @@ class Item:
         asked: as it was added.
         priority: as it is now.
         begun: how often its command was started.
+        folder: of its files, "" if it is the usual one.
         ended: how it ended; None while it waits or is at work.
     """
 
     asked: Queued
     priority: int
     begun: int = 0
+    folder: str = ""
     ended: QueueEnded | None = None
 
     @property
@@ -38,8 +45,13 @@ class Item:
 
     @property
     def bench(self) -> str:
-        """Path of its bench file."""
-        return self.asked.bench
+        """Its bench: the path of the bench file, after the machine if it is of a certain one."""
+        return f"{self.machine}:{self.asked.bench}" if self.machine else self.asked.bench
+
+    @property
+    def machine(self) -> str:
+        """The machine that carries it out; "" in a queue of one machine."""
+        return self.asked.machine or ""
 
     @property
     def state(self) -> str:
@@ -77,6 +89,7 @@ class Queue:
                 self.items.pop(event.item, None)
             case QueueBegan() if event.item in self.items:
                 self.items[event.item].begun += 1
+                self.items[event.item].folder = event.folder or ""
             case QueueEnded() if event.item in self.items:
                 self._ended(self.items[event.item], event)
             case QueuePaused():
@@ -106,12 +119,13 @@ class Queue:
         """Items that have begun and not ended."""
         return [item for item in self.items.values() if item.state == "at work"]
 
-    def next(self, utc_s: float, has: frozenset[str]) -> Iterator[Item]:
+    def next(self, utc_s: float, has: frozenset[str], machine: str = "") -> Iterator[Item]:
         """Items that may begin now, in their order, at most one of a bench.
 
         Args:
             utc_s: the present time.
             has: what is there of what items need.
+            machine: where they would begin.
         """
         if self.paused:
             return
@@ -119,7 +133,8 @@ class Queue:
         for item in self.waiting:
             held = item.bench in self.held and item.asked.command != "resume"  # a person wants just that run
             if (
-                item.bench in busy
+                item.machine not in ("", machine)
+                or item.bench in busy
                 or held
                 or (item.asked.not_before_s or 0.0) > utc_s
                 or not set(item.asked.needs) <= has
@@ -129,35 +144,103 @@ class Queue:
             yield item
 
 
+class Keeps(ABC):
+    """A place where a queue is kept, and the folder on this machine in which its items have theirs."""
+
+    @property
+    def machine(self) -> str:
+        """Whose items are carried out here; "" in a queue of one machine."""
+        return ""
+
+    @property
+    def patient(self) -> bool:
+        """Whether its worker waits where the queue cannot be reached."""
+        return False
+
+    def append(self, *events: Event) -> Queue:
+        """Write events; the queue is made if there is none. Returns the state with them.
+
+        Raises:
+            BusyError: somebody else writes for more than ten seconds.
+            RunFileError: its records were changed, or the last ones are missing.
+            StorageError: they could not be made durable.
+        """
+        return self.decide(lambda queue: events)
+
+    @abstractmethod
+    def decide(self, by: Callable[[Queue], Sequence[Event]]) -> Queue:
+        """The same for the events that `by` returns for the present state, while nobody else writes."""
+
+    @abstractmethod
+    def read(self) -> Queue:
+        """The state. Raises as `append` does."""
+
+    @abstractmethod
+    def changes(self) -> object:
+        """A value that changes with the queue; None while there is none, or if that is not known."""
+
+    @abstractmethod
+    def folder_of(self, item: int) -> Path:
+        """Folder of an item's files, if it begins here."""
+
+    def lock_of(self, folder: Path) -> Path:
+        """The lock file of the worker who began an item in a folder."""
+        return folder.with_name(folder.name.rpartition("-")[0] + ".worker")
+
+    @abstractmethod
+    def only_worker(self) -> AbstractContextManager[None]:
+        """For the one who carries it out. Raises `BusyError` if another does."""
+
+
 @dataclass(frozen=True)
-class QueueFile:
-    """The file, by its path."""
+class QueueFile(Keeps):
+    """A queue in a file, by its path."""
 
     path: Path
 
     def folder_of(self, item: int) -> Path:
-        """Folder of an item's files."""
+        """See `Keeps`: beside the file."""
         return self.path.with_name(f"{self.path.stem}-{item}")
 
     @property
     def _ledger(self) -> Ledger:
         return Ledger(self.path, QUEUE, "queue")
 
-    def append(self, *events: Event) -> Queue:
-        """Write events; the file is created if there is none. Returns the state with them.
-
-        Raises:
-            BusyError: somebody else writes for more than ten seconds.
-            StorageError: they could not be made durable.
-        """
-        return self._ledger.append(Queue(), lambda queue: list(_numbered(queue, events)))
+    def decide(self, by: Callable[[Queue], Sequence[Event]]) -> Queue:
+        """See `Keeps`."""
+        return self._ledger.append(Queue(), lambda queue: list(numbered(queue, by(queue))))
 
     def read(self) -> Queue:
-        """The state. Raises `RunFileError`, or `UsageError` if there is no such file."""
+        """See `Keeps`. Raises `UsageError` if there is no such file."""
         return self._ledger.read(Queue())
 
+    def changes(self) -> object:
+        """See `Keeps`."""
+        found: list[object] = []
+        for one in (self.path, self.path.with_name(self.path.name + "-wal")):
+            with contextlib.suppress(OSError):
+                stat = one.stat()
+                found.append((stat.st_size, stat.st_mtime_ns))
+        return tuple(found) if self.path.exists() else None
 
-def _numbered(queue: Queue, events: tuple[Event, ...]) -> Iterator[Event]:
+    def only_worker(self) -> AbstractContextManager[None]:
+        """See `Keeps`."""
+        return only_worker(self.path.with_suffix(".worker"), str(self.path))
+
+
+@contextlib.contextmanager
+def only_worker(path: Path, what: str) -> Iterator[None]:
+    """Hold the lock file of a queue's worker. Raises `BusyError`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path, "ab") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise BusyError(f"{what} is carried out by another `rig queue run` or `rig serve`") from None
+        yield
+
+
+def numbered(queue: Queue, events: Sequence[Event]) -> Iterator[Event]:
     """Events with the numbers of items that are added."""
     added = queue.added
     for event in events:

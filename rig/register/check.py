@@ -8,6 +8,7 @@ from datetime import date
 from rig.bench.config import PLACES, BenchConfig, InstrumentConfig, ReferenceConfig, TemperatureConfig
 from rig.errors import ConfigurationError
 from rig.procedures.column_names import unit_of
+from rig.procedures.present.meant import meant
 from rig.register.equipment_file import Register
 from rig.units.of_instruments import TEMPERATURE_UNIT
 
@@ -53,7 +54,7 @@ def _contradictions(register: Register, config: BenchConfig, where: str, bench: 
         if known is None:
             yield (
                 f"{where}: equipment.{entry.asset} is missing, and {bench} names it ({key}.asset): add it, or correct "
-                f"the asset number"
+                f"the asset number{meant(entry.asset, register.equipment)}"
             )
             continue
         if known.certificate is not None and known.certificate.holds_at and known.stands_in not in places:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from rig.bench.config import SensorConfig
 from rig.register.equipment_file import Register, SensorItem
@@ -56,6 +56,13 @@ def needed(register: Register, sensors: Mapping[str, SensorConfig | None], where
             yield f"{words} is missing: add sensors.*.{key} in {where}"
 
 
-def stopping(unstated: Collection[str], outputs: Collection[str], factors: Collection[str]) -> Iterator[str]:
-    """Columns without a stated error that stop a certificate, one sentence each: outputs, and factors in a model."""
-    yield from (NO_ERROR.format(column) for column in unstated if column in outputs or column in factors)
+def stopping(
+    unstated: Collection[str], outputs: Collection[str], factors: Collection[str], lacking: Sequence[str] = ()
+) -> Iterator[str]:
+    """Columns without a stated error that stop a certificate, one sentence each: outputs, and factors in a model.
+
+    Sentences on what is `lacking` that name the column, such as one on a quantity that is misspelled, follow it.
+    """
+    for column in unstated:
+        if column in outputs or column in factors:
+            yield ". ".join([NO_ERROR.format(column), *(one for one in lacking if column in one)])

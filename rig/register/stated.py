@@ -18,6 +18,7 @@ from rig.errors import ConfigurationError
 from rig.fitter.arrays import FloatArray
 from rig.procedures.column_names import stem_of, unit_of
 from rig.procedures.evaluate.stated import Behaviour, Curve, Distribution, PlaceConstant, Stated, Statements
+from rig.procedures.present.meant import meant
 from rig.procedures.tables.table import Columns
 from rig.register.check import entries
 from rig.register.computed import computed_from
@@ -29,7 +30,7 @@ from rig.units.of_instruments import HEAD, TEMPERATURE_UNIT, VOLT, scale
 _T_FROM = 0.05
 _WIDTHS: Mapping[Distribution, float] = {"rectangular": sqrt(3.0), "triangular": sqrt(6.0), "arcsine": sqrt(2.0)}
 _AUTO = 1.2
-MISFIT = "{place} is not used: {asset} gives no {quantity}, but {columns}; correct the quantity"
+MISFIT = "{place} is not used: {asset} gives no {quantity}, but {columns}; correct the quantity{near}"
 BEHIND = (
     "references.{name}: the register states no errors in {unit} of {asset}, which reads it: they are not in these "
     "uncertainties; state them, unless the certificate of the reference standard includes its meter"
@@ -111,7 +112,9 @@ def stated_of(register: Register, config: BenchConfig, on: date) -> Statements:
                 if any(_is_of(other, one) for other in equipment.says for one in given) or not given:
                     unused.append(f"{place}: nothing here is in {said.quantity}; {asset} gives {columns}")
                 else:
-                    lacking.append(MISFIT.format(place=place, asset=asset, quantity=said.quantity, columns=columns))
+                    names = [name for one in given for name in (one.column, one.reads or unit_of(one.column))]
+                    what = {"quantity": said.quantity, "near": meant(said.quantity, names)}
+                    lacking.append(MISFIT.format(place=place, asset=asset, columns=columns, **what))
             else:
                 errors += _stated(asset, equipment, said, mine, ranges, place, on)
                 counted |= {one.column for one in mine if one.formula is not None}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from rig.bench.approach import Approach
@@ -14,6 +13,7 @@ from rig.engine.guard import Guard
 from rig.engine.whole_plots import renewal
 from rig.errors import ConfigurationError
 from rig.procedures.column_names import stem_of, unit_of
+from rig.procedures.present.meant import meant, nearest
 from rig.units.of_instruments import ATMOSPHERE_PSIA, HEAD, PRESSURE_UNIT, TEMPERATURE_UNIT
 
 if TYPE_CHECKING:
@@ -76,8 +76,8 @@ def check_names(config: BenchConfig, conduct: Conduct, where: str) -> None:
     ):
         for name in names:
             if name not in known:
-                near = get_close_matches(name, known, n=1)
-                hint = f"did you mean {near[0]}?" if near else f"it has {', '.join(known)}"
+                near = nearest(name, known)
+                hint = f"did you mean {near}?" if near else f"it has {', '.join(known)}"
                 raise ConfigurationError(f"{where}: the bench has no {what} {name}: {hint}")
 
 
@@ -89,6 +89,7 @@ def _check_factors(config: BenchConfig, run_list: RunList, guard: Guard, where: 
         if name is None:
             raise ConfigurationError(
                 f'{where} does not say what sets {factor.name}: add it under [factors], {factor.name} = "INSTRUMENT"'
+                f"{meant(factor.name, config.factors)}"
             )
         if name in setting:
             raise ConfigurationError(f"{where}: factors: {name} cannot set both {setting[name]} and {factor.name}")
@@ -123,7 +124,7 @@ def _check_setters(config: BenchConfig, run_list: RunList, guard: Guard, where: 
             )
             raise ConfigurationError(
                 f"{where} does not say what sets {factor.name}: add it under [factors], {factor.name} = "
-                f'"INSTRUMENT"; here {here}'
+                f'"INSTRUMENT"; here {here}{meant(factor.name, [*config.factors, *config.references])}'
             )
         several = any(name in playing(config, role) for role in (ByHand, Head))
         if name in taken and not several:

@@ -61,7 +61,7 @@ class Api:
 
     async def _item(self, request: Request) -> Response:
         await self._who(request)
-        found = await to_thread.run_sync(of_item, self._acting.places.folder, request.path_params["name"])
+        found = await to_thread.run_sync(of_item, self._acting.places.laboratory, request.path_params["name"])
         if found is None:
             raise HTTPException(404, "no certificate is of this item")
         results = [{"what": one["what"], "values": one["values"]} for one in found["results"]]

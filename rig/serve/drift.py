@@ -15,6 +15,7 @@ from rig.archive import Lab, history
 from rig.archive.answers import Due, History
 from rig.errors import RigError
 from rig.fitter.errors import FitError
+from rig.lab import Laboratory
 
 MOST_CHARTS = 6
 _DAYS = 365.25
@@ -141,10 +142,10 @@ def _as_attributes(style: str) -> str:
     return "".join(f' {name.strip()}="{value.strip()}"' for name, value in pairs if "url(" not in value)
 
 
-def of_item(folder: Any, key: str) -> dict[str, Any] | None:
-    """The page of an item of a laboratory's folder; None if no certificate is of it."""
+def of_item(laboratory: Laboratory, key: str) -> dict[str, Any] | None:
+    """The page of an item of a laboratory; None if no certificate is of it, or the index cannot be kept."""
     try:
-        with Lab.open(folder) as lab:
+        with Lab.open(laboratory.folder, database=laboratory.database) as lab:
             return item_page(lab, key)
     except RigError:
         return None

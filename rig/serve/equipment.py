@@ -52,7 +52,11 @@ class EquipmentList:
 
     def _read(self, today: date) -> list[dict[str, Any]]:
         rows: dict[tuple[str, str], dict[str, Any]] = {}
-        certified = self._certified()
+        try:
+            certified = self._certified()
+        except RigError as error:
+            certified = []
+            rows["certificates", "problem"] = _row("certificates", "problem", str(error), None, today)
         entries: Mapping[str, InstrumentConfig | ReferenceConfig]
         for file, path in self.places.registers().items():
             try:
@@ -87,12 +91,9 @@ class EquipmentList:
         return sorted(rows.values(), key=lambda row: (row["date"] is None, row["date"] or today, row["what"]))
 
     def _certified(self) -> list[Due]:
-        """Items that have certificates here."""
-        try:
-            with Lab.open(self.places.folder) as lab:
-                return [one for one in what_is_due(lab) if one.role == "item"]
-        except RigError:
-            return []  # the folder cannot be written: `rig lab` says so
+        """Items that have certificates here. Raises `RigError` if the index cannot be kept."""
+        with Lab.open(self.places.folder, database=self.places.laboratory.database) as lab:
+            return [one for one in what_is_due(lab) if one.role == "item"]
 
 
 def moment(utc_s: object) -> str:

@@ -214,7 +214,7 @@ class LaboratoryPages:
         return self._shown("equipment.html.j2", session, "/equipment", rows=rows)
 
     async def _item(self, request: Request, session: Session) -> Response:
-        found = await to_thread.run_sync(of_item, self._site.places.folder, request.path_params["key"])
+        found = await to_thread.run_sync(of_item, self._site.places.laboratory, request.path_params["key"])
         if found is None:
             raise HTTPException(404)
         return self._shown("item.html.j2", session, "/equipment", item=found)

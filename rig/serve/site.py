@@ -151,6 +151,7 @@ class Site:
             "done": state["done"],
             "points": state["points"],
             "since": moment(about.get("began_utc_s")),
+            "by": about.get("operator", ""),
             "until": moment(end_s),
             "left": "" if left_s is None else duration(left_s),
             "faults": state["faults"],

@@ -32,12 +32,16 @@ _keys = itertools.count(1)
 
 @cache
 def twin_class(driver: str) -> MakesTwins:
-    """The twin registered for a driver, entry-point group `rig.twins`. Raises `ConfigurationError` if it has none."""
-    if text := text_of(driver):
+    """The twin registered for a driver, entry-point group `rig.twins`; of a file without one, that of the file.
+
+    Raises:
+        ConfigurationError: it has none.
+    """
+    known = installed("rig.twins")
+    if driver not in known and (text := text_of(driver)):
         from rig.sims.declared import twin_of  # noqa: PLC0415 - few benches have one
 
         return twin_of(text)
-    known = installed("rig.twins")
     if driver not in known:
         raise ConfigurationError(f"driver {driver!r} has no twin, so it cannot run dry (twins: {', '.join(known)})")
     found: MakesTwins = load("rig.twins", driver, ("wire", "roles", "faults"))

@@ -76,6 +76,10 @@ def moving_inside(every: Sequence[tuple[Observed, Mapping[str, float]]]) -> dict
             one = Moving.seen(points, steps_of, factor)
             if one is not None and (name not in found or one.change > found[name].change):
                 found[name] = one
+        for way in (1.0, -1.0) if name not in found else ():
+            one = Moving.seen(points, np.full(len(points), way), "")
+            if one is not None:
+                found[name] = replace(one, change=way * one.change)
     return found
 
 

@@ -160,6 +160,7 @@ class RunFeed:
             "file": self.path.name,
             "procedure": run.procedure or "",
             "bench": run.bench or "",
+            "operator": run.operator or "",
             "simulated": run.simulated,
             "began_utc_s": genesis.utc_s,
             "against": self._reference.name if self._reference else None,

@@ -58,6 +58,7 @@ class Behaviour:
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str) -> None:
         self.name, self.world, self.plant, self.options, self.serial = name, world, plant, options, serial
+        self.table = self.table.chosen(options)  # type: ignore[misc]  # of one instance
         self.inputs = Inputs(OVERLOAD, told_open=not (self.table.reader and str(self.table.reader.unit).endswith("V")))
         self.quantity: Any = plant.source(name) if self.table.source is not None else None
         if self.quantity is not None:
@@ -146,6 +147,7 @@ class Behaviour:
             if not 1 <= count <= reader.most:
                 raise Refused
             self._count = round(count)
+        self._mark = float(holes.get("mark", self._mark))
         self._began = self.world.now()
         self._taken.clear()
 
@@ -156,6 +158,8 @@ class Behaviour:
             right = self._marked if place == "mark.check" else self.prepared or place.startswith("healthy")
             return self._checked(ask, right=right)
         match place:
+            case "wire.done":
+                return Said()
             case "identity":
                 said = getattr(ask, "is_", None)
                 value = said if isinstance(said, float) else nan

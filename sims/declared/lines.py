@@ -14,6 +14,8 @@ from rig.sims.world import World
 
 _COMMAND_S = 0.003  # time for one line [?]
 _SILENCE_S = 0.2  # after it, what has come so far is no begin of a frame [?]
+ENDS = {"lf": b"\n", "cr": b"\r", "crlf": b"\r\n"}
+"""Ends of lines, by their names in a bench file."""
 _PRINTED = {"degC": "C", "degF": "F", "pct": "%"}
 
 
@@ -29,13 +31,12 @@ class LinesTwin(Behaviour):
     """The twin; see `rig.sims.twin.SerialTwin`."""
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str) -> None:
+        self.table = self.table.chosen(options)  # type: ignore[misc]  # of one instance
         wire, self._hooks = self.table.wire, self.table.hooks
         self.baud = int(str(options.get("baud", wire.baud)))
         self.frame = str(options.get("frame", wire.frame))
-        self._parameters: dict[str, str | int] = {
-            key: type(default)(str(options.get(key, default))) for key, default in self.table.parameters.items()
-        }
-        self._send_end = wire.send_end.encode("ascii")
+        self._parameters: Mapping[str, str | float] = self.table.parameters
+        self._send_end = ENDS.get(str(options.get("line_end", "")), wire.send_end.encode("ascii"))
         self._reply_end = (wire.reply_end or wire.send_end).encode("ascii")
         self._frames = wire.frames(self._parameters)
         every = [*(ask.frame for _, ask in self.table.asks()), *(tell.frame for _, tell in self.table.tells())]
@@ -95,6 +96,11 @@ class LinesTwin(Behaviour):
 
     def on_rx(self, data: bytes, tx: Callable[[bytes], None]) -> None:
         """Collect characters until a line ends; each line takes its time."""
+        clear = self.table.wire.clear.encode("ascii")
+        if clear and clear in data:
+            data = data.rpartition(clear)[2].removeprefix(self._send_end)
+            self._session, self._input, self._free = self._session + 1, b"", 0.0
+            self.does("reader.abort", Tell(), {})
         if self.table.wire.by_frame:
             lines = self._whole_frames(data)
         else:
@@ -254,7 +260,7 @@ class LinesTwin(Behaviour):
         if name in said.fields:
             found: Any = said.fields[name]
             if isinstance(found, list):
-                return ",".join(f"{one:+.9E}" for one in found)
+                return ",".join(field.write(one) if field.kind else f"{one:+.9E}" for one in found)
             return self._number(ask, field, found) if isinstance(found, float) and name not in ("mark",) else found
         if name in holes:
             return holes[name]

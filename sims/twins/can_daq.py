@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 from rig.sims.faults import Kind
 from rig.sims.faults.reading_faults import OF_READINGS
@@ -16,6 +16,7 @@ from rig.sims.inputs import Inputs
 from rig.sims.noise import event_at, normal
 from rig.sims.physics import WorldError
 from rig.sims.twin import Accuracy, Medium, Role
+from rig.sims.twins.keysight_meter import Plant
 from rig.sims.wires.dbc import DbcSignal, read_dbc
 from rig.sims.world import Timer, World
 
@@ -38,32 +39,6 @@ _PRODUCT, _FIRMWARE = 4, (1, 2)
 _STOP, _ACQUIRE, _IDENTIFY = range(3)
 
 Transmit = Callable[[int, bytes], None]
-
-
-class Seeded(Protocol):
-    """The part of a world's truth about noise."""
-
-    @property
-    def seed(self) -> int:
-        """Key of all noise."""
-        ...
-
-
-class Plant(Protocol):
-    """Values at the inputs."""
-
-    @property
-    def truth(self) -> Seeded:
-        """The world file's values."""
-        ...
-
-    def channel_V(self, instrument: str, channel: str, t0: float, t1: float) -> float:  # noqa: N802
-        """Mean voltage at an input over a window, V."""
-        ...
-
-    def channel_degC(self, instrument: str, channel: str, t: float) -> float:  # noqa: N802
-        """Temperature of the sensor at an input, degrees Celsius; infinite without a sensor."""
-        ...
 
 
 class CanDaqTwin:

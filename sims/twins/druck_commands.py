@@ -4,16 +4,10 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+from rig.sims.twins.scpi import COMMON
 from rig.sims.twins.scpi_syntax import Command, compiled
 
-_COMMON = (
-    Command("*IDN", query="ask_identity", local=True),
-    Command("*CLS", set="clear_status", local=True),
-    Command("*ESE", set="set_event_enable", query="ask_event_enable", local=True),
-    Command("*ESR", query="ask_events", local=True),
-    Command("*SRE", set="set_service_enable", query="ask_service_enable", local=True),
-    Command("*STB", query="ask_status_byte", local=True),
-)
+_COMMON = [row for row in COMMON if row.header in ("*IDN", "*CLS", "*ESE", "*ESR", "*SRE", "*STB")]
 _PACE = (
     ("INSTrument:SN", "", "ask_serial"),
     ("OUTPut[:STATe]", "set_output", "ask_output"),

@@ -21,7 +21,7 @@ from rig.sims.twin import Role
 from rig.sims.twins.druck_commands import COMMANDS, echo
 from rig.sims.twins.druck_status import PaceStatus
 from rig.sims.twins.scpi import ScpiTwin
-from rig.sims.twins.scpi_syntax import Command, ScpiError, boolean, number
+from rig.sims.twins.scpi_syntax import Command, ScpiError, boolean, number, switch
 from rig.sims.world import World
 
 PASCALS = {
@@ -222,13 +222,8 @@ class DruckPACETwin(PaceStatus):
 
     # Control
 
-    def set_isolation(self, state: str) -> None:
-        """:OUTP:ISOL:STAT: stored and reported; the simulated line has no such valve."""
-        self._isolation = boolean(state)
-
-    def ask_isolation(self) -> str:
-        """:OUTP:ISOL:STAT?."""
-        return str(int(self._isolation))
+    set_isolation, ask_isolation = switch("_isolation")
+    """:OUTP:ISOL:STAT: stored and reported; the simulated line has no such valve."""
 
     def set_mode(self, mode: str) -> None:
         """:OUTP:MODE: active, passive or gauge; only active is simulated."""

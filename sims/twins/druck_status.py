@@ -6,7 +6,7 @@ Source: SCPI manual K0472, revision A, sections 3.1 to 3.4 (pages 3-1 to 3-9) an
 from __future__ import annotations
 
 from rig.sims.twins.scpi import DEVICE_ERROR, ScpiTwin
-from rig.sims.twins.scpi_syntax import number
+from rig.sims.twins.scpi_syntax import mask
 
 _ERROR_AVAILABLE, _STANDARD_EVENT, _OPERATION = 4, 32, 128
 _PRESSURE_SUMMARY = 1024
@@ -14,6 +14,9 @@ _PRESSURE_SUMMARY = 1024
 
 class PaceStatus(ScpiTwin):
     """Status of a PACE twin; a subclass gives the events of the pressure."""
+
+    set_operation_enable, ask_operation_enable = mask("_operation_enable")
+    set_pressure_enable, ask_pressure_enable = mask("_pressure_enable")
 
     def switch_on(self) -> None:
         """No events, nothing enabled; no power-on bit: in K0472 it is reserved."""
@@ -51,22 +54,6 @@ class PaceStatus(ScpiTwin):
         self._note_status()
         status, self._status = self._status, 0
         return str(status + 64 * bool(status & self._service_enable & ~64))
-
-    def set_operation_enable(self, value: str) -> None:
-        """:STAT:OPER:ENAB."""
-        self._operation_enable = round(number(value)) & 0x7FFF
-
-    def ask_operation_enable(self) -> str:
-        """:STAT:OPER:ENAB?."""
-        return str(self._operation_enable)
-
-    def set_pressure_enable(self, value: str) -> None:
-        """:STAT:OPER:PRES:ENAB."""
-        self._pressure_enable = round(number(value)) & 0x7FFF
-
-    def ask_pressure_enable(self) -> str:
-        """:STAT:OPER:PRES:ENAB?."""
-        return str(self._pressure_enable)
 
     def ask_operation_events(self) -> str:
         """:STAT:OPER?: bit 10 sums up the pressure events that are enabled."""

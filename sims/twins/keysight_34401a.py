@@ -22,7 +22,7 @@ from rig.sims.twins.keysight_meter import (
 )
 from rig.sims.twins.keysight_trigger import TRIGGERING, TriggeredTwin
 from rig.sims.twins.scpi import COMMON, ScpiTwin
-from rig.sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled
+from rig.sims.twins.scpi_syntax import Command, ScpiError, boolean, compiled, switch
 from rig.sims.world import World
 
 NPLC = (0.02, 0.2, 1.0, 10.0, 100.0)
@@ -78,6 +78,9 @@ class Keysight34401ATwin(TriggeredTwin):
     }
     identity = "HEWLETT-PACKARD,34401A,0,10-5-2"
     memory = 512
+    set_impedance_auto, ask_impedance_auto = switch("impedance_auto")
+    set_display, ask_display = switch("display")
+    set_beeper, ask_beeper = switch("beeper")
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Plant, serial: str) -> None:
         self.dsr: bool | None = None
@@ -254,25 +257,9 @@ class Keysight34401ATwin(TriggeredTwin):
         """SAMPle:COUNt?."""
         return text(self.sample_count)
 
-    def set_impedance_auto(self, state: str) -> None:
-        """INPut:IMPedance:AUTO."""
-        self.impedance_auto = boolean(state)
-
-    def ask_impedance_auto(self) -> str:
-        """INPut:IMPedance:AUTO?."""
-        return "1" if self.impedance_auto else "0"
-
     def ask_terminals(self) -> str:
         """ROUTe:TERMinals?."""
         return "FRON"
-
-    def set_display(self, state: str) -> None:
-        """DISPlay."""
-        self.display = boolean(state)
-
-    def ask_display(self) -> str:
-        """DISPlay?."""
-        return "1" if self.display else "0"
 
     def set_text(self, words: str) -> None:
         """DISPlay:TEXT: up to twelve characters are shown."""
@@ -285,14 +272,6 @@ class Keysight34401ATwin(TriggeredTwin):
     def clear_text(self) -> None:
         """DISPlay:TEXT:CLEar."""
         self.text = ""
-
-    def set_beeper(self, state: str) -> None:
-        """SYSTem:BEEPer:STATe."""
-        self.beeper = boolean(state)
-
-    def ask_beeper(self) -> str:
-        """SYSTem:BEEPer:STATe?."""
-        return "1" if self.beeper else "0"
 
     def ask_math(self) -> str:
         """CALCulate:STATe?: math is off; it is not simulated."""

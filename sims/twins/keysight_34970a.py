@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partialmethod
 from typing import ClassVar
 
 from rig.sims.twins.keysight_34970a_commands import COMMANDS, ERRORS
@@ -283,23 +284,15 @@ class Keysight34970ATwin(Mainframe, XonXoffTwin, RememberingTwin):
     def _about_channels(self, channels: str, about: Callable[[Channel], str]) -> str:
         return ",".join(about(self.channels[name]) for name in self._listed(channels))
 
-    def set_nplc_volts(self, cycles: str, channels: str = "") -> None:
-        """VOLTage:DC:NPLC."""
+    def _set_nplc(self, function: str, cycles: str, channels: str = "") -> None:
         chosen = nplc_for(cycles, NPLC)
-        self._change(channels, VOLTS, lambda c: replace(c, nplc=chosen))
+        self._change(channels, function, lambda c: replace(c, nplc=chosen))
 
-    def ask_nplc_volts(self, channels: str = "") -> str:
-        """VOLTage:DC:NPLC?."""
+    def _ask_nplc(self, channels: str = "") -> str:
         return self._about_channels(channels, lambda c: text(c.nplc))
 
-    def set_nplc_temperature(self, cycles: str, channels: str = "") -> None:
-        """TEMPerature:NPLC."""
-        chosen = nplc_for(cycles, NPLC)
-        self._change(channels, DEGREES, lambda c: replace(c, nplc=chosen))
-
-    def ask_nplc_temperature(self, channels: str = "") -> str:
-        """TEMPerature:NPLC?."""
-        return self._about_channels(channels, lambda c: text(c.nplc))
+    set_nplc_volts, set_nplc_temperature = partialmethod(_set_nplc, VOLTS), partialmethod(_set_nplc, DEGREES)
+    ask_nplc_volts = ask_nplc_temperature = _ask_nplc
 
     def set_range(self, span: str, channels: str = "") -> None:
         """VOLTage:DC:RANGe."""

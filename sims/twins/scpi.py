@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 from rig.sims.faults import Kind
 from rig.sims.faults.instrument_faults import ERROR_QUEUE
 from rig.sims.twin import Medium, Role
-from rig.sims.twins.scpi_syntax import Command, ScpiError, boolean, number, split_outside
+from rig.sims.twins.scpi_syntax import Command, ScpiError, mask, split_outside, switch
 from rig.sims.world import World
 
 DEVICE_CLEAR = 0x03
@@ -119,6 +119,10 @@ class ScpiTwin:
     reply_end = b"\r\n"
     integers: ClassVar[str] = "+d"
     """Format of numbers of the status system."""
+    set_event_enable, ask_event_enable = mask("_event_enable", 0xFF)
+    set_service_enable, ask_service_enable = mask("_service_enable", 0xFF)
+    set_questionable_enable, ask_questionable_enable = mask("_questionable_enable")
+    set_power_on_clear, ask_power_on_clear = switch("_power_on_clear")
 
     def __init__(self, name: str, world: World, baud: int, frame: str) -> None:
         self.name = name
@@ -304,34 +308,10 @@ class ScpiTwin:
         self.questionable = 0
         self._queue.clear()
 
-    def set_event_enable(self, value: str) -> None:
-        """*ESE."""
-        self._event_enable = _byte(value)
-
-    def ask_event_enable(self) -> str:
-        """*ESE?."""
-        return f"{self._event_enable:{self.integers}}"
-
     def ask_events(self) -> str:
         """*ESR?: reading clears it."""
         events, self.events = self.events, 0
         return f"{events:{self.integers}}"
-
-    def set_service_enable(self, value: str) -> None:
-        """*SRE."""
-        self._service_enable = _byte(value)
-
-    def ask_service_enable(self) -> str:
-        """*SRE?."""
-        return f"{self._service_enable:{self.integers}}"
-
-    def set_power_on_clear(self, state: str) -> None:
-        """*PSC: whether power-on clears the enable masks."""
-        self._power_on_clear = boolean(state)
-
-    def ask_power_on_clear(self) -> str:
-        """*PSC?."""
-        return "1" if self._power_on_clear else "0"
 
     def ask_status_byte(self) -> str:
         """*STB?."""
@@ -363,14 +343,6 @@ class ScpiTwin:
         value, self.questionable = self.questionable, 0
         return f"{value:+d}"
 
-    def set_questionable_enable(self, value: str) -> None:
-        """STATus:QUEStionable:ENABle."""
-        self._questionable_enable = round(number(value)) & 0x7FFF
-
-    def ask_questionable_enable(self) -> str:
-        """STATus:QUEStionable:ENABle?."""
-        return f"{self._questionable_enable:+d}"
-
     def preset_status(self) -> None:
         """STATus:PRESet."""
         self._questionable_enable = 0
@@ -382,10 +354,3 @@ class ScpiTwin:
     def go_local(self) -> None:
         """SYSTem:LOCal."""
         self.remote = False
-
-
-def _byte(text: str) -> int:
-    value = round(number(text))
-    if not 0 <= value <= 255:
-        raise ScpiError(-222)
-    return value

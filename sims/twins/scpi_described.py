@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.instrument import Instrument
 from rig.sims.declared.behaviour import Behaviour, Refused, Said
+from rig.sims.declared.lines import ENDS
 from rig.sims.identity import fitting
 from rig.sims.twins.scpi import COMMON, ScpiTwin, Wait
 from rig.sims.twins.scpi_syntax import Command, ScpiError, compiled, number, split_outside
@@ -27,7 +28,6 @@ _QUESTIONS = ("fetch", "setpoint", "read", "output", "settled")
 """Options with a question, which may be compound: `:FETC?;:STAT?`."""
 _ASK, _TELL = Ask(ask=""), Tell(tell="")  # of a number that needs no form
 _SWITCH = {"ON": "1", "OFF": "0"}
-_ENDS = {"lf": b"\n", "cr": b"\r", "crlf": b"\r\n"}
 
 
 def header(line: str) -> str:
@@ -70,7 +70,7 @@ class DescribedTwin(ScpiTwin):
         self.it: Behaviour = type("It", (Behaviour,), {"table": table})(name, options, world, plant, serial)
         self.options, self.plant, self.inputs = options, plant, self.it.inputs
         self._serial = serial
-        self.line_end = _ENDS[str(options.get("line_end", "lf"))]
+        self.line_end = ENDS[str(options.get("line_end", "lf"))]
         self._prepare = [unit for line in _texts(options, "prepare") for unit in units(line)]
         check = options.get("check", {})
         assert isinstance(check, Mapping)

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 
 class ScpiError(Exception):
@@ -99,3 +100,34 @@ def boolean(text: str) -> bool:
         case "OFF":
             return False
     return round(number(text)) != 0
+
+
+Methods = tuple[Callable[[Any, str], None], Callable[[Any], str]]
+"""A twin's methods that set a setting and ask for it."""
+
+
+def switch(attribute: str) -> Methods:
+    """Methods of a twin for a switch that is one of its attributes: `set_display, ask_display = switch("display")`."""
+
+    def tell(twin: Any, state: str) -> None:
+        setattr(twin, attribute, boolean(state))
+
+    def ask(twin: Any) -> str:
+        return "1" if getattr(twin, attribute) else "0"
+
+    return tell, ask
+
+
+def mask(attribute: str, most: int = 0x7FFF) -> Methods:
+    """Methods of a twin for a mask of its status system; one of eight bits refuses what is more."""
+
+    def tell(twin: Any, value: str) -> None:
+        bits = round(number(value))
+        if most == 0xFF and not 0 <= bits <= most:
+            raise ScpiError(-222)
+        setattr(twin, attribute, bits & most)
+
+    def ask(twin: Any) -> str:
+        return f"{getattr(twin, attribute):{twin.integers}}"
+
+    return tell, ask

@@ -12,12 +12,15 @@ from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
 
+import apsw
 import pytest
 
 from rig.archive import Lab, affected, due, history
 from rig.archive import index as archive_index
+from rig.archive import store as archive_store
 from rig.archive.documents import read_kept
 from rig.errors import UsageError
+from rig.fitter.steps import heard
 from rig.verbs.certificate.document import Amendment, Dates, Equipment, Item
 from rig.verbs.certificate.measured import Result, ResultTable, Stage, Statement
 from tests.support.command import rig
@@ -93,7 +96,7 @@ def content(folder: Path, *, rebuild: bool = False) -> list[tuple[Any, ...]]:
     with Lab.open(folder, rebuild=rebuild) as lab:
         rows: list[tuple[Any, ...]] = []
         for table in ("file", "certificate", "thing", "item"):
-            rows += sorted((table, *map(str, row)) for row in lab.db.execute(f"SELECT * FROM {table}"))
+            rows += sorted((table, *map(str, row.values())) for row in lab.rows(f"SELECT * FROM {table}"))
         return rows
 
 
@@ -272,6 +275,19 @@ def test_the_index_is_that_of_the_files_whatever_happened_to_them(tmp_path: Path
     assert before == content(tmp_path, rebuild=True)
 
 
+def test_an_index_in_the_making_says_where_it_is(tmp_path: Path) -> None:
+    write(tmp_path, "C-1", date(2025, 1, 10))
+    (tmp_path / "2026").mkdir()
+    for i in (2, 3):
+        write(tmp_path / "2026", f"C-{i}", date(2025, i, 10))
+    said: list[str] = []
+    parts: list[float] = []
+    with heard(lambda done, words: (said.append(words), parts.append(done))):
+        told(tmp_path)
+    assert "2026: C-3.json" in said
+    assert parts == sorted(parts)
+
+
 def test_a_kill_in_a_refresh_leaves_the_index_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write(tmp_path, "C-1", date(2025, 1, 10))
     before = content(tmp_path)
@@ -317,10 +333,11 @@ def test_several_at_once_wait_for_one_another(tmp_path: Path) -> None:
 def test_an_index_of_another_version_or_a_damaged_one(tmp_path: Path) -> None:
     write(tmp_path, "C-1", date(2025, 1, 10))
     before = content(tmp_path)
-    with Lab.open(tmp_path) as lab:
-        lab.db.pragma("user_version", 99)
+    other = apsw.Connection(str(tmp_path / archive_store.NAME))
+    other.pragma("user_version", 99)
+    other.close()
     assert content(tmp_path) == before
-    (tmp_path / archive_index.NAME).write_bytes(b"no database, but long enough to look like one" * 50)
+    (tmp_path / archive_store.NAME).write_bytes(b"no database, but long enough to look like one" * 50)
     with pytest.raises(UsageError, match="remove it"):
         told(tmp_path)
 

@@ -17,8 +17,10 @@ from rig.procedures.tables.table import Table
 from rig.runs.controller import resume_run
 from rig.sims.twins.keysight_34401a import Keysight34401ATwin
 from rig.verbs.budget.held import outside_of
+from rig.verbs.budget.page import _result as result_of
 from rig.verbs.budget.page import shares
-from rig.verbs.budget.result import budget
+from rig.verbs.budget.result import _budget as budget_lines
+from rig.verbs.budget.result import budget, not_in
 
 REGISTER = """
 name = "stand"
@@ -91,6 +93,28 @@ def test_people_see_shares_the_largest_first(run):
     assert "SIMULATED" in done.stdout
     assert "coverage probability of 95 %" in done.stdout
     assert "errors of the meter that reads the sensors in use are not in" in done.stderr
+
+
+def test_degrees_of_freedom_are_one_number_wherever_they_stand():
+    """One influence of 12.6 degrees of freedom stood as df 13, beside 12 effective ones: rounded here, cut there."""
+    alone = Budgeted(
+        "y", "V", 1.0, 1.0, 12.6, 0.95, 2.167, 2.167, (Contribution("scatter", "run", "A", 1.0, 12.6, 1.0),)
+    )
+    told = [str(getattr(one, "text", "")) + str(getattr(one, "rows", "")) for one in budget_lines(alone)]
+    assert "effective degrees of freedom 12" in told[0]
+    assert "'12'" in told[1]
+    assert (result_of(alone)["df"], result_of(alone)["lines"][0]["df"]) == ("12", "12")
+
+
+def test_a_budget_says_where_its_coverage_factors_are_from_and_no_sentence_twice(run, tmp_path):
+    nothing = tmp_path / "equipment.toml"
+    nothing.write_text('name = "stand"\n[equipment.W-1]\n[equipment.DVM-1]\n')
+    for more in ((), ("--equipment", nothing)):
+        done = rig("budget", run, "--full", *more)
+        assert len(set(done.stderr.splitlines())) == len(done.stderr.splitlines())
+        assert "k is of Student's t at the effective degrees of freedom" in " ".join(done.stdout.split())
+    (lacking,) = not_in(budget(run, equipment=nothing))
+    assert " ".join((done.stdout + done.stderr).split()).count(lacking) == 1  # it stood above and below the table
 
 
 def test_the_same_meter_in_use_cancels_its_offset(run):

@@ -30,7 +30,8 @@ from rig.verbs.budget.evaluation import checked_run, run_with_register
 from rig.verbs.budget.found import Found, found_in
 from rig.verbs.budget.held import held
 from rig.verbs.budget.result import budget
-from rig.verbs.certificate.files import changes, write_once
+from rig.verbs.certificate.changes import changes
+from rig.verbs.certificate.files import write_once
 from rig.verbs.certificate.issue import Issue, issue
 from rig.verbs.certificate.layout import sections
 from rig.verbs.certificate.parts_in_numbers import conditions, decimal_text, doubtful, effects
@@ -534,6 +535,26 @@ def test_fields_that_an_earlier_version_did_not_have_are_no_change_where_they_ar
     now = {"number": "1", "supplied": [], "items": [{"name": "cell", "serial": "7", "from_customer": []}]}
     before = {"number": "1", "items": [{"name": "cell", "serial": "8"}]}
     assert changes(before, now) == ("items cell serial: 8 is now 7",)
+
+
+def result_of(label, value, **more):
+    return {"label": label, "value": value, "expanded": "0.2", "k": "1.96", "unit": "Hz", "probability": "0.95", **more}
+
+
+def test_a_result_is_the_same_by_its_name_and_changes_in_one_sentence():
+    """A coefficient more moves no other result; digits that the page has not are no change."""
+    first = [result_of("coefficient 1", "46.1", estimate=46.12885), result_of("output", "112.2", df=3e4)]
+    then = [
+        result_of("coefficient 1", "48.0", estimate=48.01431, k="1.97"),
+        result_of("coefficient x", "0.5"),
+        result_of("output", "112.2", df=360.06),
+    ]
+    before, now = ({"tables": [{"sensor": "s_Hz", "results": rows}]} for rows in (first, then))
+    assert changes(before, now) == (
+        "result coefficient 1: 46.1 ± 0.2 Hz (k = 1.96) is now 48.0 ± 0.2 Hz (k = 1.97)",
+        "result coefficient x is new: 0.5 ± 0.2 Hz (k = 1.96)",
+    )
+    assert changes(now, before)[-1] == "result coefficient x is left out: 0.5 ± 0.2 Hz (k = 1.96)"
 
 
 def test_an_amendment_says_what_changed(made, tmp_path):

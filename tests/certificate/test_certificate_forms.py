@@ -23,7 +23,14 @@ from rig.verbs.certificate.html import html
 from rig.verbs.certificate.layout import sections
 from rig.verbs.certificate.measured import Effect
 from rig.verbs.certificate.pdf import pdf
-from rig.verbs.certificate.standing_sentences import CORRELATED, EFFECTS, INFERRED, UNCONFIRMED, uncertainty
+from rig.verbs.certificate.standing_sentences import (
+    CORRELATED,
+    EFFECTS,
+    INFERRED,
+    OTHER_FACTOR,
+    UNCONFIRMED,
+    uncertainty,
+)
 from rig.verbs.certificate.typeset import padding, plain, raised, typeset
 
 pytest.importorskip("typst")
@@ -277,6 +284,24 @@ def test_sentences_on_results_are_of_results_that_are_there():
         results = tuple(replace(result, label=label) for label in labels)
         texts = " ".join(uncertainty(replace(document(), tables=(replace(table, results=results),))))
         assert [one for one in (CORRELATED, INFERRED) if one in texts] == list(said)
+
+
+def test_a_coverage_factor_stands_with_its_reason_and_its_degrees_of_freedom():
+    """k stood there alone: neither of which distribution, nor with how many degrees of freedom, nor why it is not 2."""
+    table = document().tables[0]
+    one = replace(table.results[0], factor=2.306, k="2.31", df=8.0, probability="0.95")
+    made = replace(document(), tables=(replace(table, results=(one,)),))
+    (said,) = [text for text in uncertainty(made) if "coverage factor" in text]
+    assert "Student's t distribution" in said
+    assert "so it is not 2 throughout" in said
+    assert OTHER_FACTOR not in said
+    (grid,) = [
+        block for part in sections(made) if part.title == "Results" for block in part.blocks if isinstance(block, Grid)
+    ]
+    assert [head.label for head in grid.heads][-2:] == ["k", "Degrees of\nfreedom"]
+    assert [cell.text for cell in grid.rows[0]][-2:] == ["2.31", "8"]
+    other = replace(made, tables=(replace(table, results=(replace(one, factor=1.65),)),))
+    assert OTHER_FACTOR in " ".join(uncertainty(other))
 
 
 def test_nothing_is_said_of_unconfirmed_effects_where_all_are_confirmed():

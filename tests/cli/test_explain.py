@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import fields, is_dataclass
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ import pytest
 from command import rig
 
 from rig.bench.config import BenchConfig
-from rig.bench.plugins import declared, driver_class
+from rig.bench.plugins import declared, driver_class, drivers
 from rig.cli.commands import COMMANDS, loaded
 from rig.contracts.declared.instrument import Instrument
 from rig.engine.states import TRANSITIONS, State
@@ -66,11 +65,7 @@ WANTED = {
     "certificate": keys_of_model(CertificateSettings),
     "people": keys_of_model(People),
     "procedure": set().union(*(keys_of_model(one) for one in SETTINGS)) | {f'kind = "{name}"' for name in kinds()},
-    "instruments": {
-        key
-        for point in entry_points(group="rig.drivers")
-        for key in (point.name, *driver_class(point.name).Options.model_fields)
-    },
+    "instruments": {key for name in drivers() for key in (name, *driver_class(name).Options.model_fields)},
     "instrument-file": {name.removesuffix("_") for name in keys_of_model(Instrument)},
     "declared": {f"## `{name}`" for name in declared()},
     "world": set().union(*map(keys_of_tables, (Truth(), SensorTruth(), TransducerTruth(), HeadError()))),

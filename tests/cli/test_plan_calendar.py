@@ -138,8 +138,8 @@ def test_plan_says_everything_in_register_and_settings_that_stops_a_certificate(
         "the serial number of cell is missing: add sensors.cell.serial in equipment.toml",
         "the customer is missing: add sensors.*.customer in equipment.toml",
         'the country of the laboratory is missing: add country = "GB" in certificate.toml',
-        "force_kN: the register states no error of what reads or sets it; add what its certificate says, if a result "
-        "depends on it",
+        "if a result depends on it: force_kN: the register states no error of what reads or sets it; add what its "
+        "certificate says. equipment.W-1.says.0 is not used: W-1 gives no air_degC, but force_kN; correct the quantity",
     ]
     assert all(
         f"a certificate would be refused:[/] {one.partition('[')[0]}" in str(list(found.blocks())) for one in told
@@ -147,7 +147,7 @@ def test_plan_says_everything_in_register_and_settings_that_stops_a_certificate(
     with pytest.raises(Refused) as refused:
         make(CertificateRequest((path,), date.fromisoformat(ISSUED), settings=settings))
     reasons = {one.replace(str(settings), settings.name) for one in refused.value.reasons}
-    assert {one.removesuffix(", if a result depends on it") for one in told} <= reasons
+    assert {one.removeprefix("if a result depends on it: ") for one in told} <= reasons
 
 
 def test_errors_of_a_world_file_have_its_name_and_the_variables_there_are(tmp_path):

@@ -153,3 +153,19 @@ def test_a_chamber_without_a_thermometer_in_it_is_compared_with_what_the_forecas
             f"oven_degC: {left:.2g} degC of a step of 30 degC is left after the dwell, by the time constant" in found[0]
         )
         assert "what is in the chamber, which is assumed, 480 s" in found[0]
+
+
+def test_a_source_that_reads_back_is_waited_for_and_one_that_does_not_is_told(tmp_path):
+    """4 degC were said to be left of a bath that had settled by its own reading; of a silent one nothing was said."""
+    lab = Path(__file__).parents[2] / "examples" / "flow-lab"
+    for file in lab.glob("*.toml"):
+        (tmp_path / file.name).write_text(file.read_text())
+    files = tmp_path / "procedure.toml", tmp_path / "bench.toml"
+    assert [one for one in short_dwells(load_plan(*files)) if "chamber" in one] == []
+    text = files[1].read_text()
+    for line in ('read = "READ?"', "tolerance = 0.1 ", "time_constant_s = 300"):
+        assert text.count(line) == 1
+        text = text.replace(line, "")
+    files[1].write_text(text)
+    (found,) = [one for one in short_dwells(load_plan(*files)) if "chamber" in one]
+    assert "which is assumed, 480 s" in found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -10,6 +11,9 @@ from rich.console import Console
 from rig.cli import waiting as module
 from rig.cli.waiting import waiting
 from rig.fitter.steps import heard, steps
+from rig.verbs.data.result import open as open_data
+
+DATA = Path(__file__).parents[1] / "data"
 
 
 @pytest.fixture
@@ -66,3 +70,10 @@ def test_nobody_hears_of_work_outside_or_after_an_error():
         fails()
     assert [*steps([3])] == [3]
     assert told == [(0.0, "1")]
+
+
+def test_the_trace_of_a_run_of_attitude_sensors_says_which_replication_is_left_out():
+    told = []
+    with heard(lambda done, words: told.append((done, words))):
+        open_data(DATA / "attitude-20261121.sqlite").trace()
+    assert told == [(0.5, "replication left out, 1 of 2"), (0.75, "replication left out, 2 of 2")]

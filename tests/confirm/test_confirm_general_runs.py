@@ -79,5 +79,17 @@ def test_what_no_run_can_confirm_is_refused_before_the_trace(tmp_path, monkeypat
     with pytest.raises(UsageError, match=r"not linear in their coefficients.*rig chart"):
         confirm_first.open_traced(run)
     linear, _ = run_dry(tmp_path / "linear", PROCEDURE, BENCH)
-    with pytest.raises(UsageError, match="leave out --ignore"):
-        confirm_first.open_traced(linear, ignore=["block"])
+    with pytest.raises(UsageError, match="leave out --group"):
+        confirm_first.open_traced(linear, group=["block"], ignore=["block"])
+
+
+def test_what_the_trace_ignored_is_ignored_by_the_run_that_confirms_it(tmp_path, monkeypatch):
+    """The trace advises --ignore COLUMN, and `rig confirm` refused it: what it had found could not be confirmed."""
+    run, _ = run_dry(tmp_path, PROCEDURE, BENCH)
+    asked: list[object] = []
+    traced = confirm_first.trace_table
+    monkeypatch.setattr(confirm_first, "trace_table", lambda *a, **o: asked.append(o) or traced(*a, **o))
+    first = confirm_first.open_traced(run, ignore=["force_side"])
+    assert asked == [{"ignore": ["force_side"]}]
+    assert first.command.endswith(" --ignore force_side")
+    assert all("force_side" in one.roles.ignore for one in first.traced.each.values())  # type: ignore[attr-defined]

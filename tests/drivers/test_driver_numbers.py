@@ -72,13 +72,16 @@ def test_a_pressure_that_is_no_number_is_refused(text, monkeypatch):
 
 def test_meters_take_no_such_numbers_either(monkeypatch):
     dvm = test_keysight_34401a.Rig().dvm
-    monkeypatch.setattr(dvm._line, "query", lambda *a, **k: "5_2")
-    with pytest.raises(BadReply, match="a number"):
+    monkeypatch.setattr(dvm._talk.line, "query_lines", lambda *a, **k: ["5_2"])
+    with pytest.raises(BadReply, match=r"an answer as in '\{value\}'"):
         dvm.restarted()
-    monkeypatch.setattr(dvm._line, "query", lambda *a, **k: "1_0")
-    with pytest.raises(BadReply, match=r"should answer 10.0 and answers '1_0'"):
-        dvm._verify({"VOLT:DC:RANG?": 10.0})
     scanner = test_keysight_34970a.Rig(channels={"101": "volts"}).dvm
+    monkeypatch.setattr(scanner._line, "query", lambda *a, **k: "5_2")
+    with pytest.raises(BadReply, match="a number"):
+        scanner.restarted()
+    monkeypatch.setattr(scanner._line, "query", lambda *a, **k: "1_0")
+    with pytest.raises(BadReply, match=r"should answer 10.0 and answers '1_0'"):
+        scanner._verify({"VOLT:DC:RANG?": 10.0})
     monkeypatch.setattr(scanner._line, "query", lambda *a, **k: "5_0")
     with pytest.raises(BadReply, match="50 or 60 Hz, not '5_0'"):
         scanner._asked_frequency()

@@ -11,9 +11,9 @@ import pyvisa
 
 from rig.bench.bench_file import check_options
 from rig.bench.config import parse_bench
+from rig.bench.plugins import driver_class
 from rig.drivers.clock import RealClock
 from rig.drivers.errors import NoReply, Unreachable
-from rig.drivers.keysight_34401a import Keysight34401A
 from rig.drivers.wires import SerialSettings, Wires
 from rig.drivers.wires.visa_address import VisaAddress
 from rig.errors import ConfigurationError
@@ -22,6 +22,8 @@ from rig.instruments.opening import open_bench
 from rig.simulated.dry_run import DryBench
 from rig.unattended.doctor.addresses import check_addresses
 from rig.unattended.systemd_unit import ServiceUnit
+
+Keysight34401A = driver_class("keysight-34401a")
 
 METERS = Path(__file__).parents[1] / "visa" / "meters.yaml"
 BENCH = """

@@ -24,7 +24,7 @@ def marks() -> set[str]:
 def test_the_site_has_every_generated_reference():
     of_parts = {
         "effects": {"attitude", "whole", "tables"},
-        "instruments": {point.name for point in entry_points(group="rig.drivers")},
+        "instruments": {point.name for point in entry_points(group="rig.twins")},
     }
     wanted = {f"{topic} {part}" for topic, parts in of_parts.items() for part in parts}
     assert marks() == wanted | TOPICS.keys() - of_parts.keys()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 
 import pytest
@@ -51,6 +52,29 @@ resolution = 0.02
 replications = 1
 """
 
+FLOW = """
+quantity = "valve"
+sets_in = "V"
+levels = [1, 5.5, 10]
+sets_with = "scpi-source"
+sets_at = "socket://192.0.2.31:5025"
+standard = "flow_kg_per_min"
+standard_with = "scpi-meter"
+standard_at = "socket://192.0.2.33:5025"
+standard_range = [0.5, 3.8]
+reads = "mfs"
+reads_in = "Hz"
+reads_with = "scpi-meter"
+channels = 4
+reads_at = "socket://192.0.2.35:5025"
+chamber = "scpi-source"
+chamber_degC = [10, 40]
+soak_min = 5
+replications = 1
+model = "line"
+"""
+"""Four sensors on meters of one channel each; a standard reads what the valve makes."""
+
 DAQ = ONE.replace("keysight-34401a", "can-daq").replace("/dev/rig/dvm", "can:socketcan/can0")
 """Its first channel reads degC; that in volts is its last."""
 
@@ -63,7 +87,9 @@ def made(tmp_path, answers: str):
 
 
 @pytest.mark.parametrize(
-    ("answers", "points"), [(ONE, 10), (CHAMBER, 6), (DIAL, 5), (DAQ, 10)], ids=["serial", "chamber", "dial", "can"]
+    ("answers", "points"),
+    [(ONE, 10), (CHAMBER, 6), (DIAL, 5), (DAQ, 10), (FLOW, 10)],
+    ids=["serial", "chamber", "dial", "can", "flow"],
 )
 def test_files_pass_a_plan_and_a_dry_run_at_once(tmp_path, answers, points):
     done, lab = made(tmp_path, answers)
@@ -83,6 +109,43 @@ def test_a_chamber_is_a_factor_of_whole_plots_with_its_model(tmp_path):
     assert {one["channel"] for one in bench["sensors"].values()} == {"101", "103"}
     assert procedure["factors"]["chamber_degC"]["hard"]
     assert procedure["model"]["abscissa"] == "pressure_kPa"
+
+
+def test_a_meter_of_one_channel_is_there_once_for_each_sensor_and_a_standard_reads_what_is_set(tmp_path):
+    """Only one sensor could be had with scpi-meter, and a model in what a standard reads was refused."""
+    _, lab = made(tmp_path, FLOW)
+    bench, procedure, world, settings, register = (
+        tomllib.loads((lab / f"{name}.toml").read_text())
+        for name in ("bench", "procedure", "world", "certificate", "equipment")
+    )
+    meters = [f"meter_{k}" for k in range(1, 5)]
+    assert {name: one["reader"] for name, one in bench["sensors"].items()} == {
+        f"mfs_{k}": meter for k, meter in enumerate(meters, 1)
+    }
+    assert len({bench["instruments"][meter]["address"] for meter in meters}) == 4
+    assert bench["references"] == {"flow_kg_per_min": {"reader": "standard", "of": "valve_V"}}
+    assert procedure["model"] == {"formula": "1 + flow_kg_per_min", "abscissa": "flow_kg_per_min"}
+    assert world["references"]["flow_kg_per_min"]["formula"] == "0.5 + 0.366667*(valve_V - 1)"
+    assert [one["flow_kg_per_min"] for one in settings["at"]] == [0.5, 2.15, 3.8]
+    assert {"REF-01", *(f"READ-0{k}" for k in range(1, 5))} < set(register["equipment"])
+    again = rig("new", "second", "--answers", "lab/answers.toml", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+
+
+def test_every_option_that_stands_there_as_a_comment_can_be_used(tmp_path):
+    _, lab = made(tmp_path, FLOW)
+    bench, world = lab / "bench.toml", lab / "world.toml"
+    for path in (bench, world):
+        lines = path.read_text().splitlines(keepends=True)
+        path.write_text(
+            "".join(one.removeprefix("# ") if " = " in one.partition("#")[2][:30] else one for one in lines)
+        )
+    assert "hidden =" in world.read_text()
+    assert tomllib.loads(bench.read_text())["instruments"]["standard"]["check"] == {"UNIT?": "KG_PER_MIN"}
+    command = ("run", "procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml")
+    done = rig(*command, cwd=lab)
+    assert done.returncode == 0, done.stderr
+    assert "complete: 10 of 10 points" in done.stderr
 
 
 def test_limits_are_no_wider_than_those_of_the_instrument(tmp_path):
@@ -146,7 +209,10 @@ def test_every_line_of_register_world_and_bench_can_be_used_when_its_mark_is_tak
         ('sets_with = "hp-3458a"', "sets_with: hp-3458a sets nothing; possible are "),
         ('sets_with = "acme"', "sets_with: 'acme' is not installed; possible are "),
         ('reads_in = "Hz"\nreads_with = "hp-3458a"', "reads_with: hp-3458a does not read Hz"),
-        ("channels = 2", "channels: fluke-8846a has 1 of V (input)"),
+        ('reads_in = "degC"\nchannels = 9\nreads_with = "css-canmod-temp"', "channels: css-canmod-temp has 4 of degC"),
+        ('channels = 2\nreads_at = "/dev/a"\nreads_at_2 = "/dev/a"', "reads_at_2: /dev/a is the address of"),
+        ('standard = "flow"', "standard: flow has to be a name with its unit, such as flow_kg_per_min, or none"),
+        ('standard = "force_N"', "standard: it is read as force_kN, in the unit in which it is set"),
         ('reads_at = "COM"', "reads_at: COM is not an address of a serial line; write /dev/ttyUSB0"),
         ('quantity = "voltage"\nsets_with = "keithley-2400"\nsets_at = "/dev/a"\nreads_at = "/dev/a"',
          "reads_at: /dev/a is the address of keithley-2400; each"),
@@ -154,7 +220,7 @@ def test_every_line_of_register_world_and_bench_can_be_used_when_its_mark_is_tak
         ('order = "down"', "order: 'down' is not one of up-down, random, as written"),
         ("replications = 1.5", "replications: 1.5 is not a whole number"),
         ('model = "parabola"\nlevels = [0, 1]', "model: 2 levels do not determine it"),
-        ('model = "1 + force_N"', "model: force_N is not set here; a formula has force_kN"),
+        ('model = "1 + force_N"', "model: force_N is neither set nor read by a standard here; a formula has force_kN"),
         ('modle = "line"', "modle is not asked with these answers; did you mean model?"),
         ('reads_with = "keysight-34970a"\n[reads_options]\nchannels = { 1 = "volts" }', "reads_options.channels: "),
     ],
@@ -220,3 +286,17 @@ def test_a_driver_that_cannot_be_loaded_is_not_offered_and_stops_nobody(monkeypa
     answers = completed({}, "nothing")
     monkeypatch.setattr(instruments, "drivers", lambda: ["hp-3458a", "of-another-package"])
     assert list(instruments.offered("reads", answers)) == ["hp-3458a"]
+
+
+def test_a_chamber_reads_back_and_a_plan_says_where_nothing_does(tmp_path):
+    """Nothing else would wait until the temperature is there."""
+    _, lab = made(tmp_path, FLOW)
+    bench = lab / "bench.toml"
+    own = tomllib.loads(bench.read_text())["instruments"]["chamber"]
+    assert (own["read"], own["tolerance"], own["time_constant_s"]) == ("READ?", 0.1, 300)
+    planned = ("plan", lab / "procedure.toml", "--bench", bench)
+    words = "chamber_degC: nothing reads how far it has come"
+    assert words not in " ".join(rig(*planned).stdout.split())
+    bench.write_text(re.sub(r"(?m)^(read|tolerance|time_constant_s) = .*\n", "", bench.read_text()))
+    told = rig(*planned)
+    assert words in " ".join(told.stdout.split()), told.stdout + told.stderr

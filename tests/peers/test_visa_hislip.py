@@ -9,10 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from rig.bench.plugins import driver_class
 from rig.drivers.clock import RealClock
 from rig.drivers.errors import NoReply, Unreachable
-from rig.drivers.keysight_34401a import Keysight34401A
 from rig.drivers.wires import SerialSettings, Wires
+
+Keysight34401A = driver_class("keysight-34401a")
 
 SERVER = Path(__file__).parent / "hislip_server.py"
 

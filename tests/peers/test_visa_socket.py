@@ -8,11 +8,13 @@ import tomllib
 
 import pytest
 
+from rig.bench.plugins import driver_class
 from rig.drivers.clock import RealClock, ScaledClock
 from rig.drivers.errors import Unreachable
-from rig.drivers.keysight_34401a import Keysight34401A
 from rig.drivers.keysight_34970a import Keysight34970A
 from rig.drivers.wires import Wires
+
+Keysight34401A = driver_class("keysight-34401a")
 
 BENCH = """
 name = "served"
@@ -122,7 +124,7 @@ def test_what_comes_late_is_not_taken_for_the_next_answer(place, clock):
     wires = Wires(clock)
     dvm = Keysight34401A("dvm", place("dvm"), Keysight34401A.Options(nplc=1), wires, clock)
     dvm.identify()
-    line = dvm._line
+    line = dvm._talk.line
     line.write("*ESE?")  # its answer is nobody's
     clock.sleep(2.0)
     assert line.query("*IDN?").startswith("HEWLETT")

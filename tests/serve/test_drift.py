@@ -16,6 +16,7 @@ from lab_people import QUICK, WORD, with_people
 from test_server import Server, logged_in
 
 from rig.archive import Lab, due
+from rig.archive.store import NAME
 from rig.lab import people
 from rig.serve.drift import for_page
 from rig.verbs.chart import page
@@ -54,6 +55,14 @@ def test_the_page_has_the_picture_of_rig_chart_and_the_day_by_drift(lab: Path, m
     assert "style=" not in shown.text  # which the page's policy would refuse
     assert "currentColor" in shown.text
     assert [f"C-{year}" in shown.text for year in range(2021, 2026)] == [True] * 5
+
+
+def test_where_the_index_cannot_be_kept_the_page_says_so(lab: Path):
+    """Otherwise nothing would seem to be due."""
+    (lab / NAME).write_bytes(b"no database, but long enough to look like one" * 50)
+    vera = logged_in(Server(lab), "vera")
+    assert "the index cannot be used" in vera.gets("/equipment").text
+    assert vera.gets(f"/item/{quote(KEY)}").status == 404
 
 
 def test_programs_get_the_same_values(lab: Path):

@@ -89,6 +89,7 @@ def test_a_night_without_a_terminal(lab: Path):
         assert anna.call("act/dry-run", **files)["item"] == 1
         benches = anna.until("benches", lambda found: found[0]["work"] and found[0]["work"][0]["word"] == "holding")
         run = benches[0]["work"][0]["name"]
+        assert benches[0]["work"][0]["by"] == "Anna (anna)"
         asked = anna.call("act/done", run=run)
         assert (asked["status"], "put weights of 0 kN" in asked["confirm"]) == (428, True)
         assert anna.call("act/done", run=run, confirm=True)["said"] == "done: acknowledged"

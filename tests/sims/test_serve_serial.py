@@ -14,10 +14,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from rig.bench.plugins import driver_class
 from rig.drivers.cia402 import CiA402Pair
 from rig.drivers.clock import RealClock, ScaledClock
 from rig.drivers.errors import DriverError
-from rig.drivers.keysight_34401a import Keysight34401A
 from rig.drivers.keysight_34970a import Keysight34970A
 from rig.drivers.newport_esp301 import NewportESP301
 from rig.drivers.watlow_f4t import WatlowF4T
@@ -115,7 +115,7 @@ def test_drivers_work_across_processes(tmp_path):
         assert head.identify().serial == "SN4711"
         goes_where_it_is_told(head, bench.clock)
 
-        dvm = driver(bench, "dvm", Keysight34401A)
+        dvm = driver(bench, "dvm", driver_class("keysight-34401a"))
         dvm.identify()
         dvm.prepare()
         dvm.start(3)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from command import rig
 
 from rig.procedures.tables.moving import Moving, sentences
+from rig.tables.behind_rows import moving_inside
 
 EXAMPLE = Path(__file__).parents[2] / "examples/flow-lab"
 SEED = 20261129
@@ -81,3 +84,23 @@ def test_an_output_alone_that_moves_is_said_to_be_late():
     late = Moving(0.5, 5, "force_kN")
     assert "follows late" in sentences({"cell_V": late}, "cell_V", ("force_kN",))["cell_V"]
     assert sentences({"cell_V": late}, "other_V", ("force_kN",)) == {}
+
+
+@pytest.mark.parametrize("per_point", [0.5, -0.5])
+def test_an_output_that_drifts_the_same_way_in_every_point_is_said_to_drift(per_point):
+    """A sensor that warms up whenever it is read: the mean of each point has it, and nothing said so."""
+    rng = np.random.default_rng(SEED)
+    print(f"seed {SEED}")
+    every = []
+    for step in rng.choice([-1.0, 1.0], size=30):
+        values = 3.0 * step + per_point * np.arange(5) / 4.0 + 0.05 * rng.normal(size=5)
+        channel = {"readings": values.tolist()}
+        every.append((SimpleNamespace(outputs={"cell_V": channel}, references={}, temperatures={}), {"force_kN": step}))
+    found: Any = moving_inside(every)  # type: ignore[arg-type]
+    assert found["cell_V"].of == ""
+    assert found["cell_V"].change == pytest.approx(per_point, rel=0.1)
+    said = sentences(found, "cell_V", ("force_kN",))["cell_V"]
+    assert "drifts inside the points" in said
+    assert "the same way in every point" in said
+    still = [(SimpleNamespace(outputs={"cell_V": {"readings": [1.0, 1.1, 0.9]}}, references={}, temperatures={}), {})]
+    assert moving_inside(still * 9) == {}  # type: ignore[operator]

@@ -9,6 +9,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.errors import FitError
+from rig.fitter.steps import steps
 from rig.fitter.trace.engine.family import TableFamily
 from rig.fitter.trace.found import explanations_of
 from rig.fitter.trace.keep import groups_of, kept, left_in
@@ -33,6 +34,9 @@ from rig.procedures.attitude.trace.result import Trace
 from rig.procedures.attitude.trace.simpler import simplified
 from rig.procedures.attitude.trace.unmodelled import UnmodelledSmooth
 from rig.procedures.attitude.trace.wander import expected, with_wander
+
+_SEARCH = 0.5
+"""Part of the time until the first replication is left out, about."""
 
 
 @dataclass(frozen=True)
@@ -194,8 +198,9 @@ def left_out(
     if data.replicates.size < 2:
         return None
     squares = np.zeros((2, len(data.sensors)))
-    for replicate in data.replicates:
-        inside = data.replicate != replicate
+    count = data.replicates.size
+    for k in steps(range(count), lambda k: f"replication left out, {k + 1} of {count}", after=_SEARCH):
+        inside = data.replicate_index != k
         rest, aside = data.take(np.flatnonzero(inside)), data.take(np.flatnonzero(~inside))
         try:
             problem = (search if anything else replace(search, catalogue=())).problem_of(rest)

@@ -28,6 +28,7 @@ class Queued(Event, kind="queue", status="added", matters=STEP):
         then: what the next items of its bench do after a fault, or outside acceptance: "go on", "hold", "stop".
         who: operator of its runs, None for the one who carries out the queue.
         who_by: source of that name.
+        machine: name of the one that carries it out, None in a queue of one machine.
     """
 
     item: Count
@@ -41,12 +42,14 @@ class Queued(Event, kind="queue", status="added", matters=STEP):
     then: Text = "hold"
     who: Text | None = None
     who_by: Text | None = None
+    machine: Text | None = None
 
     def sentence(self, record: Columns) -> str:
         """The item and its command."""
         bench = f" --bench {self.bench}" if self.command != "resume" else ""
         by = f" by {self.who}" if self.who else ""
-        return f"item {self.item} added{by}: rig {self.command} {self.procedure}{bench}"
+        on = f" for {self.machine}" if self.machine else ""
+        return f"item {self.item} added{by}{on}: rig {self.command} {self.procedure}{bench}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,9 +71,10 @@ class QueueRemoved(Event, kind="queue", status="removed", matters=STEP, says="it
 
 @dataclass(frozen=True, kw_only=True)
 class QueueBegan(Event, kind="queue", status="began", matters=SESSION, says="item {item} begins, or goes on"):
-    """An item is about to begin, or to go on."""
+    """An item is about to begin, or to go on, in a folder of that machine; None for the usual one."""
 
     item: Count
+    folder: Text | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterator, Mapping
+
+from rig.procedures.present.meant import nearest
 
 _PLACE = re.compile(r"\{\{(\w+)\}\}|\{(\w+)\}")
 
@@ -27,8 +28,8 @@ def check_names(value: object, known: tuple[str, ...], place: str) -> None:
             name = found[2]
             if name is None or name in known:
                 continue
-            near = difflib.get_close_matches(name, known, n=1)
-            meant = f"did you mean {{{near[0]}}}?" if near else f"known: {', '.join(f'{{{k}}}' for k in known)}"
+            near = nearest(name, known)
+            meant = f"did you mean {{{near}}}?" if near else f"known: {', '.join(f'{{{k}}}' for k in known)}"
             raise ValueError(f"{at}: there is no {{{name}}}; {meant} (to send it unchanged, write {{{{{name}}}}})")
 
 

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from rig.verbs.confirm import Confirmed
 
 FOUND = (
-    "the run was traced: the model of the results lacks {effects}. Each result that they move has a line for them; "
-    "--traced states results of the model with them, and rig confirm {run} tests their causes"
+    "the run was traced, and each result that these effects move has a line for them; --traced states results of the "
+    "model with them, and rig confirm {run} tests their causes"
 )
 NOTHING = "the run was traced, and no effect was found beside the declared model"
 NAMELESS = "the trace left more than error in {sensors} and found no cause: that is in no budget; see rig trace {run}"
@@ -121,10 +121,9 @@ def budget_with(of: OfRun, found: Found, asked: Mapping[str, Any], *, traced: bo
 def with_notes(of: OfRun, found: Found, made: RunBudget) -> RunBudget:
     """Budgets with sentences about the effects that were found."""
     run, names = shell_word(of.table.source), of.table.outputs
-    lacks = "; ".join(f"{names.get(s, s)}: {', '.join(every)}" for s, every in made.lacks.items() if every)
     notes = [] if any(found.effects.values()) else [NOTHING]
-    notes += [FOUND.format(effects=lacks, run=run)] if lacks else []
     notes += by_sensor(made.lacking, names)
+    notes += [FOUND.format(run=run)] if any(made.lacks.values()) else []
     nameless = [names.get(one.sensor, one.sensor) for one in found.outcomes if one.unnamed]
     notes += [NAMELESS.format(sensors=", ".join(nameless), run=run)] if nameless else []
     return replace(made, notes=(*notes, *made.notes))

@@ -11,6 +11,9 @@ from rich.markup import escape
 from rig.fitter.rounding import with_error
 from rig.procedures.evaluate.fit_in_short import MANY
 from rig.procedures.present.blocks import Block, Grid, Line, headline
+from rig.procedures.present.terms import in_words
+from rig.units.si import per_term
+from rig.verbs.budget.coverage import with_probability
 
 if TYPE_CHECKING:
     from rig.fitter.budget import Budgeted
@@ -35,15 +38,14 @@ def of_sensors(found: RunBudget) -> Iterator[Block]:
     wanted = next((w for w in ("inferred", "output") if any(k.startswith(w) for k in kinds)), "")
     for sentence in found.of.stated.what_is_lacking(found.unstated):
         yield Line(f"[bold]not in the uncertainties:[/] {escape(sentence)}")
-    probability = 100 * found.budgets[0].coverage_probability
-    yield Line(f"expanded uncertainties with a coverage probability of {probability:g} %")
+    yield Line(with_probability(found.budgets))
     grid = Grid(("sensor", "result", "smallest", "largest", "largest influence"), frame="plain", apart=2)
     for (sensor, what), every in groups.items():
         if what.startswith(wanted):
             low, high = (pick(every, key=lambda one: one.expanded_uncertainty) for pick in (min, max))
             first = high.contributions[0]
             influence = f"{first.name.partition(':')[0]}, {100 * first.share:.0f} %"
-            grid.add_row(escape(sensor), escape(what), _words(low), _words(high), escape(influence))
+            grid.add_row(escape(sensor), escape(in_words(what)), _words(low), _words(high), escape(influence))
     yield grid
 
 
@@ -60,4 +62,4 @@ def what_of(name: str, sensor: str) -> str:
 
 def _words(one: Budgeted) -> str:
     _, expanded = with_error(one.value, one.expanded_uncertainty)
-    return f"{expanded} {one.unit}"
+    return f"{expanded} {per_term(one.unit)}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -11,10 +10,12 @@ from matplotlib.figure import Figure
 
 from rig.by_kind import known
 from rig.fitter.budget import Budgeted
-from rig.fitter.rounding import with_error
+from rig.fitter.rounding import rounded_df, with_error
 from rig.procedures.evaluate.results import Page
 from rig.procedures.present.pictures import grid
+from rig.procedures.present.terms import in_words
 from rig.units.si import per_term
+from rig.verbs.budget.coverage import headed
 from rig.verbs.budget.evaluation import RunBudget
 
 _SHOWN = 8
@@ -49,6 +50,7 @@ def budget_page(found: RunBudget, notes: Sequence[str]) -> Page:
     elapsed = table.columns.get("elapsed_s", np.zeros(1))
     contents = {
         "probability": f"{100 * found.budgets[0].coverage_probability:g}",
+        "headed": headed(found.budgets),
         "register": found.of.register.name,
         "notes": list(notes),
         "results": [_result(one) for one in found.budgets],
@@ -61,21 +63,22 @@ def _result(one: Budgeted) -> dict[str, Any]:
     value, expanded = with_error(one.value, one.expanded_uncertainty)
     _, standard = with_error(one.value, one.standard_uncertainty)
     lines = [
-        {**vars(line), "share": f"{100 * line.share:.1f}", "u": f"{line.standard_uncertainty:.2g}", "df": _df(line.df)}
+        {
+            **vars(line),
+            "share": f"{100 * line.share:.1f}",
+            "u": f"{line.standard_uncertainty:.2g}",
+            "df": rounded_df(line.df),
+        }
         for line in sorted(one.contributions, key=lambda c: -abs(c.share))
     ]
     return {
-        "name": one.name,
+        "name": in_words(one.name),
         "unit": per_term(one.unit),
         "value": value,
         "expanded": expanded,
         "k": f"{one.coverage_factor:.2f}",
         "u": standard,
-        "df": _df(one.df),
+        "df": rounded_df(one.df),
         "lines": lines,
         "figure": shares(one),
     }
-
-
-def _df(value: float) -> str:
-    return f"{value:.0f}" if isfinite(value) and value < 1e5 else "infinite"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +14,9 @@ from rig.fitter.rounding import rounded_df, with_error
 from rig.options_of_kinds import options_of
 from rig.procedures.present.blocks import Block, Grid, Line, headline
 from rig.procedures.present.joined import once
+from rig.procedures.present.terms import in_words
+from rig.units.si import per_term
+from rig.verbs.budget.coverage import headed
 from rig.verbs.budget.evaluation import RunBudget, budget_of, run_with_register, shapes_at
 from rig.verbs.budget.found import NOT_TRACED, SIMULATED, traced_budget
 from rig.verbs.budget.lacking import by_sensor
@@ -57,16 +59,16 @@ class Budget(Result):
     def blocks(self, *, each: bool = True) -> Iterable[Block]:
         """A table of results, and a budget of `each`."""
         yield headline(Path(self.found.of.table.source).name, self.found.of.table)
-        probability = self.found.budgets[0].coverage_probability
         grid = Grid(("result", "value", "expanded uncertainty", "k", "largest influence"), frame="plain", apart=2)
         for one in self.found.budgets:
             first = one.contributions[0]
             value, expanded = with_error(one.value, one.expanded_uncertainty)
             words = f"{first.name}, {100 * first.share:.0f} %"
-            grid.add_row(escape(one.name), f"{value} {one.unit}", expanded, f"{one.coverage_factor:.2f}", escape(words))
-        for sentence in self.found.of.stated.what_is_lacking(self.found.unstated):
+            name = escape(in_words(one.name))
+            grid.add_row(name, f"{value} {per_term(one.unit)}", expanded, f"{one.coverage_factor:.2f}", escape(words))
+        for sentence in not_in(self):
             yield Line(f"[bold]not in the uncertainties:[/] {escape(sentence)}")
-        yield Line(f"expanded uncertainties with a coverage probability of {100 * probability:g} %")
+        yield Line(headed(self.found.budgets))
         yield grid
         yield from _checks(self.found)
         for one in self.found.budgets if each else ():
@@ -103,20 +105,30 @@ class Budget(Result):
         return f"<rig.Budget of {self.found.of.table.source}: {len(self.found.budgets)} results>"
 
 
+def not_in(made: Budget) -> Sequence[str]:
+    """Notes about what is not in the uncertainties, which `blocks` has at its head."""
+    return made.found.of.stated.what_is_lacking(made.found.unstated)
+
+
 def _budget(one: Budgeted) -> Iterator[Block]:
     _, u = with_error(one.value, one.standard_uncertainty)
-    df = rounded_df(one.df) if isfinite(one.df) and one.df < 1e5 else "infinite"
+    unit = per_term(one.unit)
     grid = Grid(("share", "standard uncertainty", "df", "type", "influence", "traced to"), frame="plain", apart=2)
     left = 0
     for line in sorted(one.contributions, key=lambda c: -abs(c.share)):
         if abs(line.share) < SMALL:
             left += 1
             continue
-        of = f"{line.df:.0f}" if isfinite(line.df) and line.df < 1e5 else "-"
         bar = "#" * round(10 * max(line.share, 0.0))
-        cells = (f"{100 * line.share:5.1f} % {bar}", f"{line.standard_uncertainty:.2g} {one.unit}", of, line.kind)
+        cells = (
+            f"{100 * line.share:5.1f} % {bar}",
+            f"{line.standard_uncertainty:.2g} {unit}",
+            rounded_df(line.df),
+            line.kind,
+        )
         grid.add_row(*cells, escape(line.name), escape(line.source))
-    yield Line(f"\n[bold]{escape(one.name)}[/]: standard uncertainty {u} {one.unit}, effective degrees of freedom {df}")
+    df = f"effective degrees of freedom {rounded_df(one.df)}"
+    yield Line(f"\n[bold]{escape(in_words(one.name))}[/]: standard uncertainty {u} {unit}, {df}")
     yield grid
     if left:
         yield Line(f"  and {left} below 0.1 %")

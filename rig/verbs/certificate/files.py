@@ -14,17 +14,13 @@ from typing import Any
 
 from rig.errors import UsageError
 from rig.files.temporary import locked, open_temporary, sweep, sync_folder, temporary_in
+from rig.verbs.certificate.changes import changes
 from rig.verbs.certificate.document import Amendment
 from rig.verbs.certificate.seals import hash_of
 
 FORMS = ("pdf", "html", "xml", "json")
 COMMIT = "json"
 """The form that is written last: with it, a certificate is issued."""
-_MOST_CHANGES = 20
-_NEVER = (("number",), ("amends",), ("dates", "issued"))
-"""Parts of a document that differ in every amendment."""
-_NOTHING: tuple[Any, ...] = (None, "", [], {})
-"""Values that say nothing: a certificate of an earlier version lacks fields that are empty now."""
 
 
 def check_number(number: str) -> str:
@@ -251,42 +247,3 @@ def amendment(before: Before, now: Mapping[str, Any], because: str) -> Amendment
     told = [because.strip()] if because.strip() else []
     issued = date.fromisoformat(before.told["dates"]["issued"])
     return Amendment(str(before.told["number"]), issued, (*told, *changed), before.sha256, *before.original)
-
-
-def changes(old: Mapping[str, Any], new: Mapping[str, Any], most: int = _MOST_CHANGES) -> tuple[str, ...]:
-    """Differences of two trees of values, as sentences; of more than `most` the first, and their number."""
-    found = [f"{where}: {_shown(one)} is now {_shown(other)}" for where, one, other in _changes(old, new)]
-    left = len(found) - most
-    return (*found[:most], *([f"and {left} further values"] if left > 0 else []))
-
-
-def _changes(old: Any, new: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[str, Any, Any]]:
-    """Place, old and new value of every difference."""
-    if isinstance(old, Mapping) and isinstance(new, Mapping):
-        for name in dict.fromkeys([*old, *new]):
-            if (*where, name) in _NEVER:
-                continue
-            yield from _changes(old.get(name), new.get(name), (*where, name))
-    elif isinstance(old, list) and isinstance(new, list):
-        for n in range(max(len(old), len(new))):
-            first, then = (part[n] if n < len(part) else None for part in (old, new))
-            yield from _changes(first, then, (*where, _label(first if first is not None else then, n)))
-    elif old != new and not (old in _NOTHING and new in _NOTHING):
-        yield " ".join(where).replace("_", " "), old, new
-
-
-def _label(part: Any, n: int) -> str:
-    """Name of an entry of a list, or its ordinal."""
-    if isinstance(part, Mapping):
-        for key in ("sensor", "name", "label", "result"):
-            if part.get(key):
-                return str(part[key])
-    return str(n + 1)
-
-
-def _shown(value: Any) -> str:
-    if value in _NOTHING:
-        return "nothing"
-    if isinstance(value, Mapping | list):
-        return "a new entry"
-    return str(value)

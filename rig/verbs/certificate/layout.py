@@ -10,6 +10,7 @@ from dataclasses import asdict
 from datetime import date
 from typing import Any
 
+from rig.fitter.rounding import rounded_df
 from rig.procedures.present.visible import visible
 from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.blocks import (
@@ -227,7 +228,8 @@ def _table(table: ResultTable) -> Grid:
     named = heads[:1] == [Head("Quantity")]
     heads += [Head("Unit")] if numbered else []
     heads += [Head("Value", unit, "right"), Head("Expanded\nuncertainty", unit, "right")]
-    heads += [Head("k", align="right"), Head("Coverage\nprobability", align="right")]
+    heads += [Head("Coverage\nprobability", align="right"), Head("k", align="right")]
+    heads += [Head("Degrees of\nfreedom", align="right")]
     rows = [
         [
             *([one.label] if named else []),
@@ -235,8 +237,9 @@ def _table(table: ResultTable) -> Grid:
             *([one.unit or "1"] if numbered else []),
             one.value,
             one.expanded,
-            one.k,
             percent(one.probability),
+            one.k,
+            rounded_df(one.df),
         ]
         for one in table.results
     ]

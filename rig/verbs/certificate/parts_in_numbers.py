@@ -15,6 +15,7 @@ from rig.fitter.rounding import rounded, rounded_df, rounded_factor, rounded_to,
 from rig.fitter.trace.outcome import Finding, Outcome
 from rig.procedures.column_names import stem_of, unit_of
 from rig.procedures.present.joined import joined, once
+from rig.procedures.present.terms import in_words
 from rig.procedures.present.words import constants_of
 from rig.register import holds_of
 from rig.register.surroundings import shown_unit
@@ -53,7 +54,7 @@ def _result(one: Budgeted, column: str, run: RunBudget) -> Result:
     power = f"e{both.exponent:+03d}" if both.exponent else ""
     return Result(
         name=one.name,
-        label=label_of(one, column, run),
+        label=in_words(label_of(one, column, run)),
         at=(),
         value=f"{both.value_text}{power}",
         expanded=f"{both.uncertainty_text}{power}",

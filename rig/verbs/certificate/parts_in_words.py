@@ -20,8 +20,8 @@ from rig.run_file.state.state import RunState
 from rig.runs.certificate_fields import lacking
 from rig.units.of_instruments import TEMPERATURE_UNIT
 from rig.verbs.budget.evaluation import OfRun
+from rig.verbs.certificate.changes import changes
 from rig.verbs.certificate.document import Equipment, Evidence, Item, Laboratory, Logo, Method, Party, Person
-from rig.verbs.certificate.files import changes
 from rig.verbs.certificate.measured import Stage
 from rig.verbs.certificate.settings import CertificateSettings
 from rig.verbs.certificate.standing_sentences import count

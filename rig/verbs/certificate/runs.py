@@ -202,7 +202,7 @@ def _of_budget(budget: RunBudget, settings: CertificateSettings, where: str, *, 
         return
     for name in assembly.repeatability_only(budget):
         yield f"{name}: its uncertainty is repeatability only; state the errors of its instruments in the register"
-    yield from stopping(budget.unstated, budget.of.table.outputs, budget.of.table.factors)
+    yield from stopping(budget.unstated, budget.of.table.outputs, budget.of.table.factors, budget.of.stated.lacking)
 
 
 def _doubts(run: CertifiedRun) -> Iterator[str]:

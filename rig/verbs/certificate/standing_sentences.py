@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from rig.fitter.budget.coverage import coverage_factor
+from rig.verbs.budget.coverage import ROUNDED
 from rig.verbs.certificate.blocks import percent
 from rig.verbs.certificate.document import Document
 from rig.verbs.certificate.measured import Statement, Verdict
@@ -32,12 +34,18 @@ _NAMELESS = (
     "The trace left an error without a name: of the results of that item, the coverage probability is stated under the "
     "condition that the model holds at their points."
 )
+FACTOR = (
+    "k is the factor of Student's t distribution for the coverage probability and the effective degrees of freedom of "
+    "the result, which combine those of all its contributions (Welch-Satterthwaite): it is larger where they are few, "
+    "so it is not 2 throughout{}."
+)
+OTHER_FACTOR = "; a note names the results with the factor of another distribution"
 _UNCERTAINTY = (
-    "The expanded uncertainty is the combined standard uncertainty times the coverage factor k. {} It was evaluated "
+    "The expanded uncertainty is the combined standard uncertainty times the coverage factor k. {} {} It was evaluated "
     "after JCGM 100:2008 (GUM) from the scatter of the run and the certificates of the equipment; it does not include "
     "the behaviour of the item after the calibration."
 )
-UNCERTAINTY = (_UNCERTAINTY.format(_LIES),)
+UNCERTAINTY = (_UNCERTAINTY.format(FACTOR.format(""), _LIES),)
 CORRELATED = "Coefficients of one item are correlated: the uncertainty of an output does not follow from theirs alone."
 INFERRED = (
     "A result that is called inferred is the quantity for one reading in use at the point. Its value is the point, and "
@@ -110,7 +118,9 @@ def uncertainty(document: Document) -> tuple[str, ...]:
         coverage = [_BY_MODEL]
     if any(one.name == "no name" for one in document.effects):
         coverage = [*(one for one in coverage if one not in (_LIES, _IN_STATES)), _NAMELESS]
-    first = (_UNCERTAINTY.format(" ".join(coverage)),)
+    every = [one for table in document.tables for one in table.results]
+    own = any(abs(one.factor - coverage_factor(float(one.probability), one.df)) > ROUNDED for one in every)
+    first = (_UNCERTAINTY.format(FACTOR.format(OTHER_FACTOR if own else ""), " ".join(coverage)),)
     return (*first, " ".join(found)) if any(label.startswith(tuple(told)) for label in labels) else first
 
 

@@ -22,7 +22,7 @@ from rig.options_of_kinds import chosen
 from rig.procedures.evaluate.confirming import Confirming
 from rig.procedures.kind import Procedure
 from rig.procedures.kinds import kind_of
-from rig.procedures.present.shell import shell_word
+from rig.procedures.present.shell import confirming, shell_word
 from rig.procedures.tables.table import Table
 from rig.run_file.events.by_hand import DoneByHand
 from rig.run_file.read.reader import RunReader
@@ -50,6 +50,7 @@ class First:
         read: gives the table of a run file, that of later runs, too.
         begins_s: seconds from its begin to that of the next further run; None for the same time of a later day.
         most_h: longest bench time of a further run, hours.
+        ignore: columns that its trace did not look at.
     """
 
     path: Path
@@ -65,6 +66,12 @@ class First:
     read: Callable[[Path], Table] = run_table
     begins_s: float | None = None
     most_h: float = math.inf
+    ignore: tuple[str, ...] = ()
+
+    @property
+    def command(self) -> str:
+        """The command that confirms what was found in it, to which options are added."""
+        return confirming(self.path, self.ignore)
 
     @property
     def simulated(self) -> bool:
@@ -144,7 +151,7 @@ def _traced(path: Path, table: Table, options: Mapping[str, Any]) -> Traced:
     columns = hashlib.sha256()
     for name, values in table.columns.items():
         columns.update(name.encode() + values.tobytes())
-    key = path.resolve(), columns.digest(), *sorted(options.items())
+    key = path.resolve(), columns.digest(), repr(sorted(options.items()))
     if key not in kept:
         kept[key] = trace_table(table, **options)
     return kept[key]
@@ -187,6 +194,7 @@ def open_traced(path: Path, read: Callable[[Path], Table] = run_table, /, **opti
         began_utc_s=began_utc_s,
         world_s=began_utc_s - live.epoch_utc if live is not None else run.world_start_s or 0.0,
         read=read,
+        ignore=tuple(options.get("ignore") or ()),
     )
 
 
@@ -208,7 +216,7 @@ def read_later(first: First, path: Path, *, anywhen: bool = False) -> Later:
     if kind != of_first:
         raise UsageError(
             f"{path} is a {kind} run and {first.path} a {of_first} run: name a run of the same kind on the same bench; "
-            f"rig confirm {shell_word(first.path)} --list shows those that would confirm it"
+            f"{first.command} --list shows those that would confirm it"
         )
     if not table.provenance["complete"]:
         raise UsageError(f"{path} is not complete: rig resume {shell_word(path)}, then repeat this command")
@@ -216,7 +224,7 @@ def read_later(first: First, path: Path, *, anywhen: bool = False) -> Later:
         raise UsageError(
             f"{path} was made on bench {table.provenance['bench']}, {first.path} on "
             f"{first.traced.table.provenance['bench']}: effects of a head or a line are confirmed on the same bench; "
-            f"rig confirm {shell_word(first.path)} --list shows the runs that would confirm them"
+            f"{first.command} --list shows the runs that would confirm them"
         )
     with RunReader.open(path) as reader:
         simulated, began_utc_s = reader.about().simulated, reader.genesis().utc_s
@@ -231,7 +239,7 @@ def read_later(first: First, path: Path, *, anywhen: bool = False) -> Later:
         )
     after_s = began_utc_s - first.began_utc_s
     if path.resolve() == first.path.resolve():
-        raise UsageError(f"{path} is the traced run itself: name a later one, made by rig confirm {shell_word(path)}")
+        raise UsageError(f"{path} is the traced run itself: name a later one, made by {first.command}")
     if after_s == 0 or (after_s < 0 and not anywhen):
         before = "" if anywhen else " or before it: a confirming run must be later"
         dry = "; a dry run begins at its world's epoch: give the world of the later one a later `epoch`"

@@ -9,6 +9,7 @@ from typing import Any
 from rig.fitter.confirm import NOTHING, Pair, Points
 from rig.fitter.effects.entry import Entry
 from rig.fitter.effects.manual_changes import Change
+from rig.fitter.steps import steps
 from rig.procedures.plan.further_runs import Variation, with_step
 from rig.procedures.present.durations import duration
 from rig.procedures.present.joined import some
@@ -56,7 +57,7 @@ def consider(
     known = {} if known is None else known
     first = planned(first)
     groups = {}
-    for group in groups_of(first, only):
+    for group in steps(groups_of(first, only), lambda group: group[0].what):
         key = group[0].what, len(group)
         known[key] = known[key] if key in known else best(first, group, choice)
         groups[known[key]] = group
@@ -65,7 +66,7 @@ def consider(
         return tuple(proposals)
     made = {change.word: change for one in inseparable(first, proposals) for change in changes_for(first, one.pair)}
     likely = [groups[proposal] for k, proposal in enumerate(proposals) if k < CHANGED or proposal.variation.untouched]
-    for change in made.values():
+    for change in steps(list(made.values()), lambda change: change.word):
         proposals += [best(first, [with_step(variation, change) for variation in group], choice) for group in likely]
     return tuple(ordered(proposals))
 

@@ -39,7 +39,7 @@ def listed() -> list[dict[str, str]]:
         rows.append(
             {
                 "driver": name,
-                "is": f"{table.maker} {', '.join(table.model)}: {table.about}",
+                "is": f"{_named(table)}: {table.about}",
                 "roles": ", ".join(role for role in ("reader", "source") if getattr(table, role) is not None),
                 "wire": table.wire.protocol,
                 "tried": ", ".join(table.tried) or "never",
@@ -80,10 +80,14 @@ def reference() -> str:
     return "\n".join(page(name) for name in declared())
 
 
+def _named(table: Instrument) -> str:
+    return f"{table.maker} {', '.join(table.model)}".strip()
+
+
 def _page(name: str, table: Instrument) -> Iterator[str]:
     yield f"## `{name}`\n"
     roles = " and ".join(role for role in ("reader", "source") if getattr(table, role) is not None)
-    yield f"{table.maker} {', '.join(table.model)}: {table.about}. It is a {roles}.\n"
+    yield f"{_named(table)}: {table.about}. It is a {roles}.\n"
     tried = ", ".join(table.tried)
     yield f"Tried: {tried or 'no'}{'' if 'on hardware' in table.tried else '; never on hardware'}.\n"
     yield from (f"Not confirmed: {one}.\n" for one in table.unconfirmed)
@@ -96,6 +100,8 @@ def _page(name: str, table: Instrument) -> Iterator[str]:
         yield f"Modbus; {wire.type} unless said otherwise, {wire.word_order} word first.\n"
     else:
         ends = f"lines end with {wire.send_end!r}, answers with {wire.reply_end or wire.send_end!r}"
+        dropped = " while DTR is dropped" * wire.clear_drops_dtr
+        ends += f"; device clear is {wire.clear!r}{dropped}" if wire.clear else ""
         yield f"{'Stream' if wire.protocol == 'stream' else 'Text'}; {wire.baud} baud {wire.frame}; {ends}.\n"
     every: list[tuple[str, Ask | Tell]] = [*table.asks(), *table.tells()]
     rows = [(place, f"`{_shown(one)}`", _meaning(table, one)) for place, one in every]

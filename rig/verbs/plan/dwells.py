@@ -11,6 +11,7 @@ import numpy as np
 from rig.bench.bench_file import check_options, playing
 from rig.bench.config import FOLLOWS_S
 from rig.drivers.roles import Chamber, Source
+from rig.engine.pace import is_read
 from rig.fitter.arithmetic_text import parse_expression
 from rig.fitter.errors import FitError
 from rig.procedures.column_names import spelled, stem_of, unit_of
@@ -59,6 +60,18 @@ def short_dwells(plan: Plan) -> Iterator[str]:
         )
 
 
+def unread(plan: Plan) -> Iterator[str]:
+    """A sentence for each temperature of whole plots of which nothing says that it has arrived."""
+    for factor in plan.run_list.factors:
+        setter = plan.bench.setters.get(factor.name, "")
+        if factor.hard and unit_of(factor.name) == TEMPERATURE_UNIT and not is_read(plan.bench, factor.name):
+            yield (
+                f"{factor.name}: nothing reads how far it has come. A whole plot begins after soak.dwell_s alone, and "
+                f"what was commanded is recorded; state `read` of instruments.{setter}, or a thermometer in "
+                f"[temperatures]"
+            )
+
+
 def _time_constant(plan: Plan, factor: Factor, own: float | None) -> tuple[float, str] | None:
     """Seconds with which what is measured follows a factor, and who states it; None if nobody does."""
     name, bench = factor.name, plan.bench
@@ -75,7 +88,8 @@ def _time_constant(plan: Plan, factor: Factor, own: float | None) -> tuple[float
         found = [(stated, f"{table} of the world")] if stated else []
     thermometers = ((bench.temperatures[one].follows_s, f"temperatures.{one}") for one in bench.thermometers(name))
     found += [(seconds, of) for seconds, of in thermometers if seconds]
-    if not found and factor.hard and unit_of(name) == TEMPERATURE_UNIT and setter in playing(bench, Chamber):
+    comes = setter in (*playing(bench, Chamber), *playing(bench, Source))
+    if not found and factor.hard and unit_of(name) == TEMPERATURE_UNIT and comes:
         found = [(FOLLOWS_S, "what is in the chamber, which is assumed")]  # as the forecast assumes it
     return max(found, default=None)
 
@@ -94,10 +108,13 @@ def _criterion(plan: Plan, factor: Factor, options: Any, tau: float, step: float
     conduct = plan.procedure.conduct
     if conduct.whole_plots is not None and factor.hard and unit_of(factor.name) == TEMPERATURE_UNIT:
         soak = conduct.whole_plots.soak
-        seen = plan.bench.thermometers(factor.name)
+        seen = bool(plan.bench.thermometers(factor.name))
         band = soak.sensor_tolerance_degC if seen else soak.tolerance_degC
         settle = Settle(band, soak.dwell_s, soak.drift_degC_per_h / 3600.0, soak.timeout_s)
-        # A chamber's own display settles long before what is in it: nobody sees how far that has come.
+        # A chamber's own display settles long before what is in it: nobody sees how far that has come. A source that
+        # reads back reads what its own time constant is about.
+        setter = plan.bench.setters.get(factor.name, "")
+        seen = seen or (setter in playing(plan.bench, Source) and getattr(options, "read", None) is not None)
         return "soak.dwell_s", settle, min(step, _inside(settle, tau)) if seen else step
     settle = conduct.settled(factor.axis)
     within, read = getattr(options, "tolerance", None), getattr(options, "read", True) is not None

@@ -56,11 +56,13 @@ def stops(plan: Plan, on: date) -> list[str]:
     read = {one.of: name for name, one in plan.bench.references.items() if one.of}
     factors = [read.get(factor.name, factor.name) for factor in plan.run_list.factors]
     outputs = [f"{name}_{sensor.unit}" for name, sensor in plan.bench.sensors.items()]
-    unstated = stated_of(register, plan.bench, on).unstated([*outputs, *factors])
+    stated = stated_of(register, plan.bench, on)
+    unstated = stated.unstated([*outputs, *factors])
     found = ["the register has example values"] if register.example and not plan.dry else []
     found += [*needed(register, plan.bench.sensors, DOCUMENT), *plan.unsettled]
-    found += stopping(unstated, outputs, ())
-    return [*found, *(f"{one}, if a result depends on it" for one in stopping(unstated, (), factors))]
+    found += stopping(unstated, outputs, (), stated.lacking)
+    more = stopping(unstated, (), factors, stated.lacking)
+    return [*found, *(f"if a result depends on it: {one}" for one in more)]
 
 
 def surroundings(plan: Plan) -> list[str]:

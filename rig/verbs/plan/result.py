@@ -34,7 +34,7 @@ from rig.runs.forecast import ALLOWANCE, SOAK_ALLOWANCE, Forecast, rehearse
 from rig.runs.plans import Plan as Checked
 from rig.runs.plans import load_plan
 from rig.verbs.frames import Frame, of_rows
-from rig.verbs.plan.dwells import short_dwells
+from rig.verbs.plan.dwells import short_dwells, unread
 from rig.verbs.plan.first_settings import first_settings
 from rig.verbs.plan.foreseen import beside, expired, not_stated, registered, stops, surroundings
 from rig.verbs.plan.promised import Promised, promised
@@ -352,7 +352,7 @@ def plan(
         why = f"the design does not determine a sensor: {error}; use more settings"
         raise ConfigurationError(f"{procedure}: {why}") from error
     doubts = [Advice(0, "units", False, sentence) for sentence in unit_doubts(checked)]
-    doubts += [Advice(0, "dwell", False, sentence) for sentence in short_dwells(checked)]
+    doubts += [Advice(0, "dwell", False, sentence) for sentence in (*short_dwells(checked), *unread(checked))]
     advice = [*_advice(checked, usage), *doubts]
     forecast = rehearse(checked, on_progress)
     now = _now(checked)

@@ -1,0 +1,100 @@
+"""What the bench file chooses: a file's parameters in numbers and in answers that have to be right."""
+
+from __future__ import annotations
+
+import ast
+import operator
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+from rig.contracts.declared.exchanges import Check
+
+_OPERATORS: Mapping[type, Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Lt: operator.lt,
+    ast.LtE: operator.le,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+}
+_WHOLE = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
+COMPUTED = ("reading_s", "noise", "resolution", "settle_s", "overload")
+"""Keys of a reader that may follow from parameters."""
+
+
+def computed(text: str, known: Mapping[str, str | float]) -> float:
+    """The value of a formula: numbers, parameters, + - * / and parentheses; a comparison is 1 or 0.
+
+    Raises:
+        ValueError: it is none, or has no value.
+
+    Example:
+        >>> computed("0.001 + 2 * nplc / line_Hz", {"nplc": 10, "line_Hz": 50})
+        0.401
+    """
+
+    def value(node: ast.expr) -> float:
+        match node:
+            case ast.Constant(value=int() | float() as number):
+                return float(number)
+            case ast.Name(id=name) if not isinstance(known.get(name, ""), str):
+                return float(known[name])
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+                return float(_OPERATORS[type(op)](value(left), value(right)))
+            case ast.Compare(left=left, ops=[op], comparators=[right]) if type(op) in _OPERATORS:
+                return float(_OPERATORS[type(op)](value(left), value(right)))
+        raise ValueError(f"{text!r} is no formula of numbers, + - * / < > and the parameters that are numbers")
+
+    try:
+        return value(ast.parse(text, mode="eval").body)
+    except (SyntaxError, ZeroDivisionError, RecursionError) as error:
+        raise ValueError(f"{text!r} has no value: {error}") from None
+
+
+def filled(checks: Iterable[Check], known: Mapping[str, str | float]) -> tuple[Check, ...]:
+    """Checks with the values of the parameters that their right answers name."""
+    return tuple(
+        one if (found := known.get(_named(one))) is None else one.model_copy(update={"is_": _number_or_text(found)})
+        for one in checks
+    )
+
+
+def _named(check: Check) -> str:
+    """The parameter that a right answer is; "" if it is none."""
+    found = _WHOLE.fullmatch(check.is_) if isinstance(check.is_, str) else None
+    return found[1] if found else ""
+
+
+def _number_or_text(value: str | float) -> str | float:
+    return value if isinstance(value, str) else float(value)
+
+
+def wrong_choices(choices: Mapping[str, Iterable[str | float]], known: Mapping[str, str | float]) -> Iterator[str]:
+    """Choices that do not fit the parameters, and baud and frame of the wire."""
+    for name, allowed in choices.items():
+        if name not in known:
+            yield f"choices.{name}: there is no parameter {name}; baud and frame of the wire may have choices, too"
+        elif known[name] not in allowed:
+            yield f"choices.{name} lacks its default, {known[name]}"
+
+
+def wrong_answers(checks: Iterable[Check], known: Mapping[str, str | float]) -> Iterator[str]:
+    """Right answers that name no parameter."""
+    for one in checks:
+        if (name := _named(one)) and name not in known:
+            yield f"check of {one.said}: {one.is_} is no parameter"
+
+
+def wrong_formulas(formulas: Mapping[str, str], known: Mapping[str, str | float], *, reads: bool) -> Iterator[str]:
+    """Formulas that give nothing, or something that none can give; `reads` whether there is a reader."""
+    for key, text in formulas.items():
+        if key not in COMPUTED or not reads:
+            yield f"formulas.{key}: a formula gives one of these of a reader: {', '.join(COMPUTED)}"
+            continue
+        try:
+            computed(text, known)
+        except ValueError as error:
+            yield f"formulas.{key}: {error}"
