@@ -8,6 +8,8 @@ products too.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -15,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.trace.engine.drawn_strata import draw, summed
+from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.engine.drawn_strata import Drawn, draw, summed
 from rig.fitter.trace.engine.family import CERTAIN, FEWEST, TableFamily, Tail, evidence
 from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, rooted
 from rig.fitter.trace.engine.judge import Key, TableJudge
@@ -31,6 +34,10 @@ WORK = 1e7
 BEHIND = 12.0
 """Difference of twice the log-likelihood behind the best, in all draws, from which a covariance is left out."""
 MOST = 1000
+SURE_DRAWS = 4000
+"""Number of draws behind a p that is near a limit: of 400 draws, a p of 0.035 is 0.018 as often as 0.053."""
+NEAR_A_LIMIT = 2.5 * ALPHA
+"""The largest p that is told by so many draws; one of which no draw has such a score is an upper bound as it is."""
 MOST_NEAR = 48
 """Covariances that are near the best, at most: those that are so on average."""
 LIKE = 4.0
@@ -111,13 +118,15 @@ class StrataJudge(TableJudge):
         return max(ratio(trial.without, trial.beside, (every, every), rank, df), in_its_errors), rank, df
 
     def _beside_it(self, chosen: tuple[int, ...], j: int) -> int:
-        """The likeliest errors beside `j` that cost nothing, with what is held as it is without it."""
+        """The likeliest errors beside `j` that cost no more than those without it, with what is held as it is there."""
         noise = self.problem.noise
         assert isinstance(noise, OfStrata)
-        free = np.broadcast_to(noise.price == 0.0, len(self.problem.weight))
+        without = self.beside(chosen).best
+        price = np.broadcast_to(noise.price, len(self.problem.weight))
+        free = price <= price[without]
         if noise.held.any():
             held = noise.shape[:, noise.held]
-            free = free & np.all(np.abs(held - held[self.beside(chosen).best_of(free)]) < SAME, axis=1)
+            free = free & np.all(np.abs(held - held[without]) < SAME, axis=1)
         return self._trial(chosen, j).beside.best_of(free)
 
     def explained(self, chosen: tuple[int, ...], j: int, factor: FloatArray) -> float:
@@ -141,7 +150,10 @@ class StrataJudge(TableJudge):
         own, name = float(evidence(np.array(f), rank, df)), self.candidates[j].effect.name
         if own > CERTAIN and self.simulated:
             return self.simulated[0][1].adjust(name, own, most)
-        return self.family(self._beside_it(chosen, j)).adjust(name, own, most)
+        at = self._beside_it(chosen, j)
+        family = self.family(at)
+        p = family.adjust(name, own, most)
+        return self.family(at, draws=SURE_DRAWS).adjust(name, own, most) if family.least < p < NEAR_A_LIMIT else p
 
     def _scores(self, at: int, chosen: tuple[int, ...]) -> Scores:
         return self.everything(at, tuple(sorted(chosen)))[0]
@@ -177,15 +189,16 @@ class StrataJudge(TableJudge):
         self._known[at, chosen] = Scores(ratio, np.ones(count), rank, np.where(can, df, 1)), value
         return self._known[at, chosen]
 
-    def family(self, at: int, rival: Rivalry = "any") -> TableFamily:
-        """See `TableJudge`: one that is simulated for about the same variances, if any is."""
+    def family(self, at: int, rival: Rivalry = "any", draws: int = 0) -> TableFamily:
+        """See `TableJudge`: one that is simulated for about the same variances, of enough draws, if any is."""
         assert isinstance(self.problem.noise, OfStrata)
         shape = np.maximum(self.problem.noise.shape[at], -np.log(LARGE))
         for known, found in self.simulated:
             # a part of a run may have fewer components
-            if known.shape == shape.shape and np.max(np.abs(known - shape), initial=0.0) <= np.log(LIKE):
+            alike = known.shape == shape.shape and np.max(np.abs(known - shape), initial=0.0) <= np.log(LIKE)
+            if alike and len(found.smallest_p) >= draws:
                 return found
-        self.simulated.append((shape, _family(self, at, seed=1 + len(self.simulated))))
+        self.simulated.append((shape, _family(self, at, seed=1 + len(self.simulated), fewest=draws)))
         return self.simulated[-1][1]
 
     @cached_property
@@ -193,19 +206,30 @@ class StrataJudge(TableJudge):
         return None
 
 
-def _family(judge: StrataJudge, at: int, seed: int) -> TableFamily:
+def _family(judge: StrataJudge, at: int, seed: int, fewest: int) -> TableFamily:
     """Scores of candidates in runs drawn with the errors of covariance `at` only."""
     problem, rng = judge.problem, np.random.default_rng(seed)
-    width, n = int(problem.start[-1]), problem.n
     roots = [one.root() for one in problem.strata]
     near = _near(problem, np.stack([one.squares for one in draw(problem, at, rng, TRIED, roots)]), at)
-    count = int(np.clip(WORK / max(width * len(near), 1), FEWEST, MOST))
-    drawn = draw(problem, at, rng, count, roots)
-    del roots
-    total = problem.weight[near] @ np.stack([one.squares for one in drawn])
+    at_once = int(np.clip(WORK / max(int(problem.start[-1]) * len(near), 1), FEWEST, MOST))
+    rank, scores = judge.everything(at, ())[0].rank, list[dict[str, FloatArray]]()
+    for _ in range(max(math.ceil(fewest / at_once), 1)):
+        scores.append(_by_chance(problem, near, rank, draw(problem, at, rng, at_once, roots)))
+    tails, smallest = dict[str, Tail](), np.ones(at_once * len(scores))
+    for name in scores[0]:
+        score = np.concatenate([one[name] for one in scores])
+        if np.all(np.isfinite(score)):
+            tails[name] = Tail(np.sort(score), 1.0)
+            smallest = np.minimum(smallest, tails[name].p(score))
+    return TableFamily(tails, smallest, problem.sensors)
+
+
+def _by_chance(problem: InStrata, near: IntArray, rank: IntArray, drawn: Sequence[Drawn]) -> dict[str, FloatArray]:
+    """(m,) best score of each effect in drawn errors; `near` (g,) covariances, that of the draws first."""
+    n, total = problem.n, problem.weight[near] @ np.stack([one.squares for one in drawn])
     deviance = n * np.log(np.maximum(total, _TINY)) + problem.noise.log_det[near, None]
     size = np.exp((deviance - deviance[0]) / n)
-    joined = np.full((len(problem.candidates), count), np.inf, np.float32)
+    joined = np.full((len(problem.candidates), total.shape[1]), np.inf, np.float32)
     for g, own, whole in zip(near.tolist(), size, total, strict=True):
         sums = summed(problem, drawn, problem.weight[g])
         sums /= np.sqrt(whole).astype(np.float32)
@@ -215,18 +239,14 @@ def _family(judge: StrataJudge, at: int, seed: int) -> TableFamily:
             along = np.matmul(root.astype(np.float32), sums[columns])
             after = np.maximum(1.0 - np.sum(along**2, axis=1), np.float32(1e-6)) * own.astype(np.float32)
             joined[of] = np.minimum(joined[of], after)
-    rank = judge.everything(at, ())[0].rank
-    ratio = np.maximum(size.min(axis=0).astype(np.float32) / joined, np.float32(1e-30)) - 1.0
-    tails, smallest = dict[str, Tail](), np.ones(count)
+    ratio, out = np.maximum(size.min(axis=0).astype(np.float32) / joined, np.float32(1e-30)) - 1.0, {}
     for name, every in problem.named.items():
-        score = np.full(count, -np.inf)
+        score = np.full(total.shape[1], -np.inf)
         for r in set(rank[every].tolist()) - {0}:
             best = ratio[every[rank[every] == r]].max(axis=0).astype(np.float64) * (n - r) / r
             score = np.maximum(score, evidence(best, r, n - r))
-        if np.all(np.isfinite(score)):
-            tails[name] = Tail(np.sort(score), 1.0)
-            smallest = np.minimum(smallest, tails[name].p(score))
-    return TableFamily(tails, smallest, problem.sensors)
+        out[name] = score
+    return out
 
 
 def _near(problem: InStrata, squares: FloatArray, at: int) -> IntArray:

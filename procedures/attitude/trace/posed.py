@@ -28,11 +28,13 @@ from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.score import errors, rounding
 
 LACK_OF_FIT = tuple(np.geomspace(0.3, 1e4, 19).tolist())
-"""Variance of the mean of a point beyond that by scatter, over that by scatter."""
+"""Variance of the mean of a point beyond that by scatter, over that by scatter; larger ones where a run shows them."""
 APART = tuple(np.geomspace(0.3, 1e4, 19).tolist())
 """The same of replications' own parameters that differ by chance."""
 WALKS = tuple(np.geomspace(0.1, 2e3, 18).tolist())
 """The same of the steps, if they walk from one replication to the next."""
+ROOM = 10.0
+"""Largest variance that is tried, over the one that a run shows beside the declared model."""
 NEAR, COARSE = 2, 3
 """Options next to that of the middle that are tried, and of all others one in so many."""
 ALONE = 6.0
@@ -170,8 +172,8 @@ def _posed(problem: Problem) -> InRun:
         first = len(strata)
         own = np.flatnonzero(np.isin(columns, problem.concerned[i]))
         for apart, same in (
-            (False, _between_points(problem, i, units[i], columns, own)),
-            (True, _between_replications(problem, i, units[i], columns, own)),
+            (False, _between_points(problem, i, units, columns, own)),
+            (True, _between_replications(problem, i, units, columns, own)),
         ):
             for kind, options, some in same:
                 if len(options) > 1:
@@ -264,8 +266,15 @@ Kind = tuple[str, FloatArray, list[Stratum]]
 SCATTER = "scatter"
 
 
-def _between_points(problem: Problem, i: int, unit: float, columns: IntArray, own: IntArray) -> Iterator[Kind]:
-    both, within = (_stratum(problem, level, i, unit, columns, own) for level in ("replications", "points"))
+def _up_to(options: tuple[float, ...], shown: float) -> FloatArray:
+    """Options as they are, and larger ones in the same steps as far as a run shows such a variance."""
+    step = options[-1] / options[-2]
+    more = max(int(np.ceil(np.log(max(shown, options[-1]) / options[-1]) / np.log(step))), 0)
+    return np.array([*options, *(options[-1] * step ** np.arange(1.0, more + 1.0))])
+
+
+def _between_points(problem: Problem, i: int, units: FloatArray, columns: IntArray, own: IntArray) -> Iterator[Kind]:
+    both, within = (_stratum(problem, level, i, units[i], columns, own) for level in ("replications", "points"))
     if within.df <= 0 or both.df <= within.df:
         yield SCATTER, np.ones((1, 1)), [both]
         return
@@ -280,7 +289,9 @@ def _between_points(problem: Problem, i: int, unit: float, columns: IntArray, ow
         whole=both.whole,
     )
     yield SCATTER, np.ones((1, 1)), [within]
-    yield "lack of fit", 1.0 / (1.0 + np.array([[0.0], *([one] for one in LACK_OF_FIT)])), [rest]
+    squares = (problem.products["replications"].square - problem.products["points"].square) / units**2
+    options = _up_to(LACK_OF_FIT, ROOM * float(np.max(squares)) / rest.df)
+    yield "lack of fit", 1.0 / (1.0 + np.append(0.0, options)[:, None]), [rest]
 
 
 def _stratum(problem: Problem, level: Level, i: int, unit: float, columns: IntArray, own: IntArray) -> Stratum:
@@ -294,7 +305,9 @@ def _stratum(problem: Problem, level: Level, i: int, unit: float, columns: IntAr
     return Stratum(own, response, square, df, gram, whole=whole)
 
 
-def _between_replications(problem: Problem, i: int, unit: float, columns: IntArray, own: IntArray) -> Iterator[Kind]:
+def _between_replications(
+    problem: Problem, i: int, units: FloatArray, columns: IntArray, own: IntArray
+) -> Iterator[Kind]:
     """Changes of each parameter in contrasts that a walk leaves independent."""
     count = len(problem.own)
     if count < 2:
@@ -303,14 +316,18 @@ def _between_replications(problem: Problem, i: int, unit: float, columns: IntArr
     ahead = np.arange(1.0, count + 1)
     variance, vectors = np.linalg.eigh(contrasts @ np.minimum.outer(ahead, ahead) @ contrasts.T)
     turned = vectors.T @ contrasts
-    x = np.tensordot(turned, problem.own[:, i][..., columns[own]] / unit, 1)
-    y = turned @ problem.own_outputs[:, i] / unit
-    more = np.array([0.0 * variance, *(one + 0.0 * variance for one in APART), *(one * variance for one in WALKS)])
+    x = np.tensordot(turned, problem.own[:, i][..., columns[own]] / units[i], 1)
+    y = np.tensordot(turned, problem.own_outputs / units[:, None], 1)
     # an offset that walks within replications walks from one to the next, too; their scatter is that of as many rows
     known = problem.wander[i] * (len(problem.scene.data) / count) ** 2 * variance
     for k in range(x.shape[1]):
-        rows = (Stratum.of_rows(own, x[c, k : k + 1], y[c, k : k + 1]) for c in range(count - 1))
-        strata = [replace(one, square=one.square + (float(rounding(problem)[i]) / unit) ** 2) for one in rows]
+        apart, walks = (
+            _up_to(options, ROOM * float(np.max(np.mean(y[:, :, k] ** 2 / by, axis=0))))
+            for options, by in ((APART, np.ones((count - 1, 1))), (WALKS, variance[:, None]))
+        )
+        more = np.concatenate([[0.0 * variance], np.tile(apart, (count - 1, 1)).T, np.outer(walks, variance)])
+        rows = (Stratum.of_rows(own, x[c, k : k + 1], y[c, i, k : k + 1]) for c in range(count - 1))
+        strata = [replace(one, square=one.square + (float(rounding(problem)[i]) / units[i]) ** 2) for one in rows]
         yield f"{PARAMETER} {k}", 1.0 / (1.0 + more + (known if k == 0 else 0.0)), strata
 
 
