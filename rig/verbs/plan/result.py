@@ -36,7 +36,7 @@ from rig.runs.plans import load_plan
 from rig.verbs.frames import Frame, of_rows
 from rig.verbs.plan.dwells import short_dwells, unread
 from rig.verbs.plan.first_settings import first_settings
-from rig.verbs.plan.foreseen import beside, expired, not_stated, registered, stops, surroundings
+from rig.verbs.plan.foreseen import beside, expired, has_due_date, not_stated, registered, stops, surroundings
 from rig.verbs.plan.promised import Promised, promised
 from rig.verbs.plan.unit_doubts import unit_doubts
 from rig.verbs.result import Plots, Result
@@ -44,6 +44,12 @@ from rig.verbs.result import Plots, Result
 if TYPE_CHECKING:
     from rig.engine.session import Progress
     from rig.procedures.plan.precision import Precision
+
+VALID = "every calibration whose date is stated is valid until then"
+NO_DUE_DATE = (
+    "no due date of any calibration is stated, in the bench file or in a register: whether one expires until then is "
+    "not known"
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -276,7 +282,7 @@ class Plan(Result):
             yield Line(f"  environment: {escape(environment)}")
         yield from (Line(f"  [yellow]{escape(line)}[/]") for line in self.overdue)
         if not self.overdue:
-            yield Line("  every calibration whose date is stated is valid until then")
+            yield Line(f"  {VALID if has_due_date(checked) else NO_DUE_DATE}")
         yield from (Line(f"  {escape(one)}") for one in surroundings(checked))
         yield from (Line(f"  [yellow]a certificate would be refused:[/] {escape(one)}") for one in self._stops)
         yield from (Line(f"  a certificate would say: {escape(one)}") for one in not_stated(checked))
