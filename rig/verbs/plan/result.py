@@ -34,7 +34,7 @@ from rig.runs.forecast import ALLOWANCE, SOAK_ALLOWANCE, Forecast, rehearse
 from rig.runs.plans import Plan as Checked
 from rig.runs.plans import load_plan
 from rig.verbs.frames import Frame, of_rows
-from rig.verbs.plan.dwells import short_dwells, unread
+from rig.verbs.plan.dwells import own_readings, short_dwells, unread
 from rig.verbs.plan.first_settings import first_settings
 from rig.verbs.plan.foreseen import beside, expired, has_due_date, not_stated, registered, stops, surroundings
 from rig.verbs.plan.promised import Promised, promised
@@ -277,6 +277,7 @@ class Plan(Result):
             yield Line(f"  {escape(', '.join(names))}: {words}")
         if names := cannot_be_asked(checked.bench):
             yield Line(f"  {escape(', '.join(names))}: {NO_QUESTION}")
+        yield from (Line(f"  {escape(one)}") for one in own_readings(checked))
         environment = _environment(self.checked)
         if environment:
             yield Line(f"  environment: {escape(environment)}")
