@@ -285,8 +285,7 @@ class Plan(Result):
         if not self.overdue:
             yield Line(f"  {VALID if has_due_date(checked) else NO_DUE_DATE}")
         yield from (Line(f"  {escape(one)}") for one in surroundings(checked))
-        yield from (Line(f"  [yellow]a certificate would be refused:[/] {escape(one)}") for one in self._stops)
-        yield from (Line(f"  a certificate would say: {escape(one)}") for one in not_stated(checked))
+        yield from of_certificate(self)
         if names := beside(checked):
             yield Line(f"  in the register and not on the bench: {escape(', '.join(names))}")
         free, needed = self.disk
@@ -317,6 +316,18 @@ class Plan(Result):
 
     def __repr__(self) -> str:
         return f"<rig.Plan of {self.checked.procedure.name}: {len(self.checked.run_list)} points>"
+
+
+def of_certificate(planned: Plan) -> Iterator[Line]:
+    """Lines of a plan that say what a certificate of its run lacks: one reason beside the word, several below it."""
+    stop = stops(planned.checked, planned.finish_latest.date())
+    refused = "[yellow]a certificate would be refused:[/]"
+    for what, told in ((refused, stop), ("a certificate would say:", not_stated(planned.checked))):
+        if len(told) == 1:
+            yield Line(f"  {what} {escape(told[0])}")
+        elif told:
+            yield Line(f"  {what}")
+            yield from (Line(f"    - {escape(one)}") for one in told)
 
 
 def plan(
