@@ -143,13 +143,15 @@ def _range(given: Any, _: Answers) -> list[float]:
     return [min(found), max(found)]
 
 
-_FULL = {"mV": 20.0, "A": 0.02, "mA": 20.0, "Hz": 1000.0, "kHz": 10.0, "ohm": 100.0}
+_FULL = {"A": 0.02, "Hz": 1000.0, "ohm": 100.0}
+_MILLI = 20.0  # of a bridge, or a current loop
 
 
 def _usually_read(answers: Answers) -> list[float]:
-    """What an output of this unit reads at both ends: the value itself if it is in its unit."""
-    both, full = ends(answers), _FULL.get(answers["reads_in"], 1.0)
-    if answers["reads_in"] == unit_of(abscissa(answers)):
+    """An output at both ends, as its unit suggests: the value itself if it is in its unit."""
+    both, unit = ends(answers), answers["reads_in"]
+    full = _MILLI if unit[:1] == "m" and unit[1:] in ("V", "A") else _FULL.get(unit, 1.0)
+    if unit == unit_of(abscissa(answers)):
         return both
     top = max(map(abs, both))
     return [float(f"{full * (0.01 + one / top):.4g}") for one in both]
