@@ -144,7 +144,7 @@ def _range(given: Any, _: Answers) -> list[float]:
 
 
 _FULL = {"A": 0.02, "Hz": 1000.0, "ohm": 100.0}
-_MILLI = 20.0  # of a bridge, or a current loop
+_MILLI = 20.0  # of strain gauges, or of a current loop
 
 
 def _usually_read(answers: Answers) -> list[float]:
