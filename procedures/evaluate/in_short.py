@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, headline
 from rig.procedures.present.joined import some
 from rig.procedures.present.words import chance, constants_of, instead, share, size_of, unnamed
 
+_NUMBER = re.compile(r"(?<![\w.-])\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w|\.\d)")
 _CROWD = 4
 """Doubtful names that one shape may replace, from which on the shape is told first, and the names in one line."""
 
@@ -57,9 +59,35 @@ def _notes(sensors: Mapping[str, Any]) -> Iterator[Block]:
         for note in sensor["notes"]:
             if not note.startswith(OF_METHOD):
                 of.setdefault(note, []).append(name)
+    of = spanned(of)
     yield from _once(
         [note if len(names) == len(sensors) else f"{', '.join(names)}: {note}" for note, names in of.items()]
     )
+
+
+def spanned(notes: Mapping[str, list[str]]) -> dict[str, list[str]]:
+    """Notes, each with its sensors, of which those that differ in one number alone are one, from its least to its most.
+
+    Example:
+        >>> spanned({"about 0.3 Hz over 2 h": ["a"], "about 0.25 Hz over 2 h": ["b"], "odd": ["a"]})
+        {'about 0.25 to 0.3 Hz over 2 h': ['a', 'b'], 'odd': ['a']}
+    """
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for note in notes:
+        alike.setdefault(tuple(_NUMBER.split(note)), []).append(note)
+    found: dict[str, list[str]] = {}
+    for words, same in alike.items():
+        each = list(zip(*(_NUMBER.findall(note) for note in same), strict=True))
+        differ = [n for n, values in enumerate(each) if len(set(values)) > 1]
+        if len(differ) != 1 or sum(len(notes[note]) for note in same) != len({s for note in same for s in notes[note]}):
+            found |= {note: notes[note] for note in same}
+            continue
+        values = [values[0] for values in each]
+        ends = sorted(each[differ[0]], key=float)
+        values[differ[0]] = f"{ends[0]} to {ends[-1]}"
+        told = "".join(part for pair in zip(words, [*values, ""], strict=True) for part in pair)
+        found[told] = [sensor for note in same for sensor in notes[note]]
+    return found
 
 
 def _errors(outcomes: Sequence[Outcome]) -> Grid:

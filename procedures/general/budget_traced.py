@@ -32,9 +32,15 @@ ROWS = 24
 class TracedEvaluation(GeneralEvaluation):
     """All sensors of a run, each by its declared model with traced effects."""
 
-    def __init__(self, table: Table, at: Sequence[Mapping[str, float]], found: WithEffects | None = None) -> None:
+    def __init__(
+        self,
+        table: Table,
+        at: Sequence[Mapping[str, float]],
+        found: WithEffects | None = None,
+        ignore: Sequence[str] = (),
+    ) -> None:
         self._recorded = table
-        self._found = _traced(table) if found is None else found
+        self._found = _traced(table, ignore) if found is None else found
         self._points = _with_means(table, at)
         super().__init__(self._found.asked.table, self._points, self._found.asked.models)
         off, slopes, by_side = self._found.off, self._found.slopes, self._found.by_side
@@ -131,11 +137,11 @@ class TracedEvaluation(GeneralEvaluation):
         yield from (f"{one.name}{NOT_COVERED}" for one in self.model_errors())
 
 
-def _traced(table: Table) -> WithEffects:
+def _traced(table: Table, ignore: Sequence[str]) -> WithEffects:
     """The run with the effects that its trace finds."""
     asked = RunModels.of(table)
     assert asked is not None  # a run's own outputs
-    return with_effects(asked, trace_run(asked, validate=False), covered=True)
+    return with_effects(asked, trace_run(asked, validate=False, ignore=ignore), covered=True)
 
 
 def _with_means(table: Table, at: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:

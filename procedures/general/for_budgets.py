@@ -17,19 +17,25 @@ if TYPE_CHECKING:
 
 
 def general_evaluation(
-    table: Table, at: Sequence[Mapping[str, float]], *, traced: bool = False, found: WithEffects | None = None
+    table: Table,
+    at: Sequence[Mapping[str, float]],
+    *,
+    traced: bool = False,
+    found: WithEffects | None = None,
+    ignore: Sequence[str] = (),
 ) -> GeneralEvaluation:
     """The evaluation of a table; arguments and errors as for `Kind.evaluation`.
 
     Args:
         traced: with the effects that a trace finds.
         found: with these effects.
+        ignore: columns that the trace does not look at.
     """
     made: Callable[[Table, Sequence[Mapping[str, float]]], GeneralEvaluation] = GeneralEvaluation
     if traced or found is not None:
         from rig.procedures.general.budget_traced import TracedEvaluation  # noqa: PLC0415 - few budgets are traced
 
-        made = partial(TracedEvaluation, found=found)
+        made = partial(TracedEvaluation, found=found, ignore=ignore)
 
     if not table.outputs:
         raise DataError(f"{table.source}: budgets are made of runs, whose bench says what reads what")

@@ -82,13 +82,16 @@ class GeneralKind(Kind):
             at = points(options.at or ())
             if asked is not None and options.traced and at:
                 raise DataError(WITH_EFFECTS)
-            if asked is not None and set(_given(options)) <= {*_OF_RUNS, "traced", "at"}:
+            if asked is not None and set(_given(options)) <= {*_OF_RUNS, "traced", "at", "ignore"}:
                 if options.traced:
                     from rig.procedures.general.traced import fit_traced  # noqa: PLC0415
 
-                    return fit_traced(asked, leave_out, own)
-                return fit_run(asked, leave_out, at)
+                    return fit_traced(asked, leave_out, own, _names(options.ignore))
+                if options.ignore is None:
+                    return fit_run(asked, leave_out, at)
             read = reader_of(source.table)
+        if options.ignore is not None and not options.traced:
+            raise DataError("--ignore is for a trace: with --traced or --confirmed-by, of a run")
         if options.traced:
             raise DataError(
                 "--traced is for the sensors of a run file, with no other options than --response and --formula; of a "
@@ -131,7 +134,7 @@ class GeneralKind(Kind):
         """Coefficients, outputs and inferred values of the sensors of a run."""
         from rig.procedures.general.for_budgets import general_evaluation  # noqa: PLC0415
 
-        return general_evaluation(table, at, traced=options.traced)
+        return general_evaluation(table, at, traced=options.traced, ignore=_names(options.ignore))
 
     @property
     def budget_options(self) -> type[BudgetOptions]:

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from rig.procedures.evaluate.results import Options
 
+_IGNORE = "column(s) that the trace does not look at, as in rig trace; those that a further run recorded if left out"
 _FORMULA = "the declared model, such as '1 + x + x^2'"
 
 
@@ -15,6 +16,7 @@ class FitOptions(Options):
     """Options of `rig fit`."""
 
     traced: bool = Field(False, description="keep a calibration with the effects that a trace finds")
+    ignore: list[str] | None = Field(None, description=_IGNORE)
     response: str | None = Field(None, description="the column to be explained")
     formula: str | None = Field(None, description=_FORMULA)
     whole_plot: str | None = Field(None, description="column(s) of whole plots; a,b for two")
@@ -59,6 +61,7 @@ class BudgetOptions(Options):
     """Options of `rig budget`."""
 
     traced: bool = Field(False, description="with the effects that a trace finds, and the model error they leave")
+    ignore: list[str] | None = Field(None, description=_IGNORE)
 
 
 class TraceOptions(Options):

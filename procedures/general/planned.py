@@ -32,9 +32,7 @@ def expected_run(procedure: GeneralProcedure, run_list: RunList, sensors: Mappin
     every = formulas_of(procedure).values()
     read = list(dict.fromkeys(name for formula in every for name in formula.names if name not in names))
     if read:
-        raise DataError(
-            f"{', '.join(read)} of the model is only known when it is read: no total uncertainty is promised"
-        )
+        raise DataError(f"{', '.join(read)} of the model is only known when it is read")
     told = [name for name in known if name in expect.output and name in expect.sigma]
     if not told:
         has: dict[str, Mapping[str, object]] = {"output": expect.output, "sigma": expect.sigma}

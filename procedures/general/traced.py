@@ -80,13 +80,13 @@ class WithEffects:
     holds: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
-def fit_traced(asked: RunModels, leave_out: Sequence[str], own: Laboratory) -> RunFitted:
-    """Trace every sensor, and fit its model with what was found.
+def fit_traced(asked: RunModels, leave_out: Sequence[str], own: Laboratory, ignore: Sequence[str] = ()) -> RunFitted:
+    """Trace every sensor, but not what columns to ignore say, and fit its model with what was found.
 
     Raises:
         DataError: as for a fit and a trace.
     """
-    found = with_effects(asked, trace_run(asked, own, validate=False))
+    found = with_effects(asked, trace_run(asked, own, validate=False, ignore=ignore))
     return noted_of(fit_run(found.asked, leave_out), found.notes)
 
 

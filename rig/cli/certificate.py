@@ -63,6 +63,13 @@ def certificate(
     confirmed_by: Annotated[
         list[Path] | None, _file("a later run that confirms the effects found; repeatable: all are judged together")
     ] = None,
+    ignore: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="column that the trace does not look at, as in rig trace; repeatable",
+            show_default="what the later runs recorded",
+        ),
+    ] = None,
     added: Annotated[
         list[Path] | None, _file("a replication that a loop added to the last run; repeatable, in their order")
     ] = None,
@@ -161,7 +168,7 @@ def certificate(
     people = (calibrated_by, approved_by)
     asked = CertificateRequest(
         tuple(runs), _date(issued), equipment, settings, later, *people, adjustment, _date(""), traced, _room(room),
-        tuple(added or ()),
+        tuple(added or ()), tuple(ignore or ()),
     )  # fmt: skip
     how = Issue(out_folder, number or "", amends or "", because, template, paper, key, key_certificate, schema)
     check_files([], list(all_files(asked, how)))

@@ -111,7 +111,7 @@ def confirm(
     texts = _texts({"bench": bench, "world": world})
     if not by:
         check_way(run_file, dry=dry or only_list or write is not None, rehearsed=dry, world=world is not None)
-    first = open_asked(run_file, given)
+    first = open_asked(run_file, given, made)
     if not as_json:
         headline(run_file.name, first.traced.table)
     if not first.questions:
@@ -128,8 +128,7 @@ def confirm(
     if only_list or write is not None:
         chosen, about = _chosen(first, asked, take, every=only_list, as_json=as_json)
         if write is not None and chosen is not None:
-            _write_procedure(write, run_file, chosen.variation)
-            err.print(f"procedure: {escape(str(write))}", soft_wrap=True)
+            _write_procedure(write, first, chosen.variation)
         if as_json:
             print_json(about)
         return ExitCode.DONE if chosen is not None or only_list else ExitCode.OUTSIDE_ACCEPTANCE
@@ -187,15 +186,19 @@ def _check_options(
         raise UsageError("--report shows a judgement; with --list or --write there is none")
 
 
-def _write_procedure(write: Path, run_file: Path, run: Variation) -> None:
+def _write_procedure(write: Path, first: First, run: Variation) -> None:
     """The procedure file of a further run, with what a person has to do as comments."""
     from rig.verbs.confirm.further_plan import procedure_text  # noqa: PLC0415
 
-    lines = f"# {run.what}: to confirm the effects found in {run_file.name}\n"
+    lines = f"# {run.what}: to confirm the effects found in {first.path.name}\n"
     lines += "# Turn the package first.\n" if run.turned else ""
     lines += "".join(f"# {step.words}: the run waits, and `rig done` continues it.\n" for step in run.steps)
     text = lines + procedure_text(run.procedure, run.steps, routine=run.routine)
     write_whole(write, lambda file: file.write(text))
+    err.print(f"procedure: {escape(str(write))}", soft_wrap=True)
+    if first.ignore:  # a run of this file does not know it
+        words = f"judge its run by {first.command} --by RUN; what takes --confirmed-by needs the same --ignore"
+        err.print(escape(words), soft_wrap=True)
 
 
 def _wait_for_mounting(chosen: Proposal, *, dry: bool, yes: bool) -> None:

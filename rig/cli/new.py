@@ -127,6 +127,8 @@ def _answer(question: Question, answers: dict[str, Any]) -> Any:
     from rig.new.asked import as_typed  # noqa: PLC0415
 
     why = f"{question.why}; ? lists ports, ? ADDRESS asks there who it is" if question.port else question.why
+    if question.port and any(key.endswith("_at") for key in answers):
+        why = "as before"
     err.print(f"\n[bold]{escape(question.ask)}[/] [dim]{escape(why)}[/]", soft_wrap=True)
     for number, (name, words) in enumerate(question.choices(answers).items(), 1):
         err.print(f"  {number:>2} {escape(name)}  [dim]{escape(words)}[/]", no_wrap=True, overflow="ellipsis")

@@ -301,11 +301,10 @@ class BenchActions:
             if True not in [reading.moving for reading in readings.values()]:  # every poll; `any` takes longer
                 return trail
             if self._axes_read - began > timeout_s:
-                late = ", ".join(
-                    f"{axis} at {r.value:g} {spelled(unit_of(r.quantity))}" for axis, r in readings.items() if r.moving
-                )
+                late = {axis: r for axis, r in readings.items() if r.moving}
+                at = (f"{axis} at {r.value:g} {spelled(unit_of(r.quantity))}" for axis, r in late.items())
                 self.stop_motion()
-                raise NotSettled(f"{what} took longer than {timeout_s:g} s ({late})", {})
+                raise NotSettled(f"{what} took longer than {timeout_s:g} s ({', '.join(at)})", {}, tuple(late))
 
     def check_control(self, readings: Mapping[str, AxisReading]) -> None:
         """Raise if an axis has lost control or its zero: it will never arrive. A source that was not set yet is off."""
@@ -387,14 +386,14 @@ class BenchActions:
         finally:
             self.judges = {}
         evidence = {name: judge.evidence() | ({"missed": missed} if missed else {}) for name, judge in judges.items()}
-        failed = [
-            f"{name} {outcomes[name]} after {now - began:.0f} s (it reads {values[name]:.6g}, "
+        failed = {
+            name: f"{name} {outcomes[name]} after {now - began:.0f} s (it reads {values[name]:.6g}, "
             f"and within {c.band:g} of {c.target:g} is asked)"
             for name, c in criteria.items()
             if outcomes[name] != "settled"
-        ]
+        }
         if failed:
-            raise late(", ".join(failed), evidence)
+            raise late(", ".join(failed.values()), evidence, tuple(failed))
         return evidence
 
     def measure(self, readings: int, poll_s: float, references: Sequence[Factor] = ()) -> Observation:

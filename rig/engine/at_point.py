@@ -36,6 +36,7 @@ from rig.engine.prepared_environment import commanded
 from rig.engine.queue import PointQueue
 from rig.engine.soaking import Soaking
 from rig.engine.steering import Steering, overshot
+from rig.engine.too_late import LEAST_MOVE_S
 from rig.engine.wellness import Wellness
 from rig.instruments.opening import Bench
 from rig.procedures.column_names import spelled, unit_of
@@ -48,8 +49,6 @@ from rig.run_file.events.sessions import Held
 from rig.run_file.state.lost_digits import LostDigits, lost_digit
 from rig.run_file.state.own_scatter import KEPT, OwnScatter
 
-_MOVE_TIMEOUT_S = 600.0
-"""Longest permitted move, seconds, if the settling timeout is not longer: chosen; a whole turn takes a minute."""
 _STRAY_SDS = 6.0
 """Robust standard deviations beyond which a readback is no noise: a noisy reference is not a stray one."""
 _SDS_OF_MAD = 1.4826
@@ -128,7 +127,7 @@ class AtPoint:
         at, read = (None, {}) if last is None else (run_list.points[last[0]], last[1])
         places = {f.name: place for place, f in enumerate(run_list.factors) if f.name in bench.references}
         self._liveness = Liveness(readers, at, read, places, journal.hung())
-        self.move_timeout_s = max(_MOVE_TIMEOUT_S, conduct.settle.timeout_s)
+        self.move_timeout_s = max(LEAST_MOVE_S, conduct.settle.timeout_s)
 
     def recovering(self) -> str:
         """Plan the way back to the current point, or to the next one."""

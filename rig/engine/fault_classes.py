@@ -5,7 +5,7 @@ A driver's errors describe the instrument. These errors describe the effect on t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from rig.drivers.errors import BadReply, DriverError, InstrumentError, NoReply, NotReady, Unreachable
@@ -13,11 +13,11 @@ from rig.errors import BenchFault
 
 
 class NotSettled(Exception):
-    """A quantity did not settle in time. `evidence` holds its samples."""
+    """A quantity did not settle in time. `evidence` holds its samples, `too_late` names what a limit of time ended."""
 
-    def __init__(self, message: str, evidence: Mapping[str, Any]) -> None:
+    def __init__(self, message: str, evidence: Mapping[str, Any], too_late: Collection[str] = ()) -> None:
         super().__init__(message)
-        self.evidence = evidence
+        self.evidence, self.too_late = evidence, too_late
 
 
 class TemperaturesNotSettled(NotSettled):

@@ -40,6 +40,7 @@ from rig.engine.soaking import Soaking
 from rig.engine.states import AT_POINT, FINAL, Moves, State
 from rig.engine.steered import Steered
 from rig.engine.steering import Steering
+from rig.engine.too_late import advice
 from rig.engine.waiting_for_person import CannotHold, Holding, NobodyCame
 from rig.engine.wellness import Wellness
 from rig.errors import BenchFault, NotSafe, RigError, StorageError
@@ -456,6 +457,9 @@ class Sequencer:
         message = f"the soak failed: {error}" if decision.fault == "soak" else str(error)
         if isinstance(error, TemperatureLeft) and decision.action == ABORT:
             message += error.advice
+        if decision.action in (ABORT, HOLD):
+            simulated = self._journal.fold.simulated
+            message += advice(error, state, self._conduct, self._run_list, self._bench.config, simulated=simulated)
         match decision.action:
             case action if action == ABORT:
                 return self._give_up(message, recorded=False)

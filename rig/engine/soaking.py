@@ -145,7 +145,7 @@ class Soaking:
         try:
             self._do.go(self._held.legs(point, self._do.positions()), self._poll_s, timeout_s)
         except NotSettled as error:
-            raise TemperaturesNotSettled(str(error), error.evidence) from error
+            raise TemperaturesNotSettled(str(error), error.evidence, error.too_late) from error
 
     def _settle(self, point: Point) -> dict[str, Any]:
         """Wait until that has settled; the evidence. Raises `TemperaturesNotSettled`."""
@@ -154,7 +154,7 @@ class Soaking:
         try:
             evidence = self._do.settle(self._held.targets(point), self._held.settled, self._poll_s)
         except NotSettled as error:
-            raise TemperaturesNotSettled(str(error), error.evidence) from error
+            raise TemperaturesNotSettled(str(error), error.evidence, error.too_late) from error
         astray = self._held.astray(point, self._do.arrivals)
         if astray:
             raise TemperaturesNotSettled(astray, evidence)
@@ -171,7 +171,7 @@ class Soaking:
             limit = self._clock.now() + self._soak.timeout_s
             while not self.rules.left(point, self._do.environment()):
                 if self._clock.now() > limit:
-                    raise TemperaturesNotSettled("no chamber left the temperature it was at", {})
+                    raise TemperaturesNotSettled("no chamber left the temperature it was at", {}, tuple(away))
                 self._wait(self._soak.poll_s)
         assert point.whole_plot is not None
         self._journal.write(TemperaturesLeft(planned=point.whole_plot))

@@ -91,6 +91,14 @@ def levels(given: Any) -> list[float]:
     return found
 
 
+def two(given: Any) -> list[float]:
+    """Two different numbers."""
+    found = levels(given)
+    if len(found) != 2:
+        raise ValueError(f"it is two numbers, that at the lowest level first, and here are {len(found)}")
+    return found
+
+
 def _spaced(first: str, last: str, count: str) -> list[float]:
     low, high, n = number(first, -1e12, 1e12), number(last, -1e12, 1e12), whole(count, 2, MOST_LEVELS)
     if low == high:

@@ -14,7 +14,7 @@ from rig.files.atomic import check_writable
 from rig.files.toml_text import toml_text
 from rig.new import instruments
 from rig.new.answers import NONE, UNKNOWN, Answers, formula
-from rig.new.instruments import CHAMBER, PARTS, READS, SETS, STANDARD, meters
+from rig.new.instruments import CHAMBER, PARTS, READS, SETS, STANDARD, THERMOMETER, meters
 from rig.new.questions import (
     abscissa,
     at_key,
@@ -23,6 +23,7 @@ from rig.new.questions import (
     factors,
     has_chamber,
     has_standard,
+    has_thermometer,
     known_options,
     modelled,
     soaked,
@@ -36,8 +37,14 @@ from rig.verbs.instrument.catalogue import text_named
 NAMES = ("bench.toml", "procedure.toml", "equipment.toml", "certificate.toml", "world.toml", "answers.toml")
 """Files that are written."""
 BENCH, PROCEDURE, REGISTER, CERTIFICATE, WORLD, ANSWERS = NAMES
-_NAMES = {SETS: "source", STANDARD: "standard", READS: "meter", CHAMBER: "chamber"}
-_ASSETS = {SETS: "SET-{:02d}", STANDARD: "REF-{:02d}", READS: "READ-{:02d}", CHAMBER: "CH-{:02d}"}
+_NAMES = {SETS: "source", STANDARD: "standard", READS: "meter", CHAMBER: "chamber", THERMOMETER: "thermometer"}
+_ASSETS = {
+    SETS: "SET-{:02d}",
+    STANDARD: "REF-{:02d}",
+    READS: "READ-{:02d}",
+    CHAMBER: "CH-{:02d}",
+    THERMOMETER: "TH-{:02d}",
+}
 _SOAKED_BY, _ROOM = 15.0, (0.0, 30.0)
 
 
@@ -171,6 +178,9 @@ def _bench(answers: Answers) -> Iterator[str]:
         yield from ["", _beside(f"[references.{abscissa(answers)}]", "models and results are in what it reads")]
         yield _line("reader", _instrument(answers, STANDARD))
         yield from [_line("of", factor(answers), "what is set to make it")] if steers(answers) else []
+    if has_thermometer(answers):
+        yield from ["", _beside("[references.chamber_degC]", "beside the chamber's own reading")]
+        yield _line("reader", _instrument(answers, THERMOMETER))
     yield from [
         "",
         "# Lowest and highest value, of commands and of what is read back, also at rest. Set them to what your",
@@ -184,6 +194,7 @@ def _bench(answers: Answers) -> Iterator[str]:
 def _instrument_lines(answers: Answers, part: str, number: int) -> Iterator[str]:
     name = answers[with_key(part)]
     does = {SETS: f"sets {factor(answers)}", READS: f"reads {answers['reads']}", CHAMBER: "sets the temperature"}
+    does[THERMOMETER] = "beside what you calibrate"
     does[STANDARD] = f"the standard: it reads {abscissa(answers)}"
     yield from ["", _beside(f"[instruments.{_instrument(answers, part, number)}]", f"{does[part]}")]
     yield _line("driver", f"./{Path(name).name}" if is_file(name) else name)
@@ -278,7 +289,7 @@ def _procedure(answers: Answers) -> Iterator[str]:
         "",
         f"# [expect]                            # for `rig plan` alone: the scatter of one observation, in {unit}",
     ]
-    yield f"# sigma = {{ {', '.join(f'{one} = 0.001' for one in _sensors(answers))} }}"
+    yield f"# sigma = {{ {', '.join(f'{one} = {_noise(answers):g}' for one in _sensors(answers))} }}"
 
 
 def _register(answers: Answers) -> Iterator[str]:
@@ -287,6 +298,7 @@ def _register(answers: Answers) -> Iterator[str]:
     yield _line("name", f"equipment of {answers['name']}"[:60])
     yield from ["", "[laboratory]", _line("name", "", "your laboratory"), _line("address", "")]
     quantity = {SETS: factor(answers), READS: answers["reads_in"], CHAMBER: "chamber_degC", STANDARD: abscissa(answers)}
+    quantity[THERMOMETER] = "chamber_degC"
     for part, number in [(one, number) for one in _parts(answers) for number in _numbers(answers, one)]:
         if part == READS and _person(answers, part):
             continue
@@ -294,8 +306,9 @@ def _register(answers: Answers) -> Iterator[str]:
         yield from ["", f"[equipment.{asset}]"]
         yield _line("description", "set by hand" if _person(answers, part) else _NAMES[part])
         yield from (_line(key, "") for key in ("maker", "model", "serial"))
-        if part == SETS and has_standard(answers):
-            yield "# It needs no certificate: the standard reads what it makes."
+        if (part == SETS and has_standard(answers)) or (part == CHAMBER and has_thermometer(answers)):
+            by = "standard" if part == SETS else "thermometer"
+            yield f"# It needs no certificate: the {by} reads what it makes."
         else:
             yield from (f"# {line}" for line in _statement(asset, quantity[part], unit))
     for sensor in _sensors(answers):
@@ -340,9 +353,11 @@ def _points(answers: Answers) -> Iterator[str]:
 
 def _world(answers: Answers) -> Iterator[str]:
     name, (low, high) = abscissa(answers), ends(answers)
-    slope = float(f"{1.0 / max(abs(low), abs(high)):.3g}")
+    bottom, top = answers["reads_range"]
+    slope = (top - bottom) / (high - low)
+    offset = float(f"{bottom - slope * low:.4g}")
     yield "# The truth behind a dry run: `rig run ... --dry --world world.toml`. Fit and trace never read it."
-    yield "# Give your sensor's size, and a `hidden` part to see whether the trace finds it: `rig explain world`."
+    yield "# Give it a `hidden` part to see whether the trace finds it: `rig explain world`."
     yield _line("seed", 1)
     if has_standard(answers):
         levels = sorted(answers["levels"])
@@ -351,11 +366,19 @@ def _world(answers: Answers) -> Iterator[str]:
         shift = f"{low:g} + {gain:g}*({factor(answers)} - {levels[0]:g})".replace("- -", "+ ")
         yield from [_line("formula", shift)] if steers(answers) else []
         yield _line("noise", float(f"{1e-5 * max(abs(low), abs(high)):.1g}"))
+    if has_thermometer(answers):
+        yield from ["", "[references.chamber_degC]", _line("noise", 0.002)]
     for sensor in _sensors(answers):
         yield from ["", _beside(f"[sensors.{sensor}]", f"in {spelled(answers['reads_in'])}")]
-        yield _line("formula", f"0.01 + {slope:g}*{name}")
-        yield _line("noise", 0.0001)
+        yield _line("formula", f"{offset:g} + {slope:.4g}*{name}".replace("+ -", "- "))
+        yield _line("noise", _noise(answers))
         if has_chamber(answers) and sensor == _sensors(answers)[0]:
             yield _beside(
                 f'# hidden = "{0.001 * slope:.1g}*{name}*(chamber_degC - 25)"', "what your model does not have"
             )
+
+
+def _noise(answers: Answers) -> float:
+    """Scatter of a simulated reading: a ten-thousandth of the range, or half of what an eye can tell."""
+    bottom, top = answers["reads_range"]
+    return float(f"{max(1e-4 * abs(top - bottom), 0.5 * answers.get('resolution', 0.0)):.1g}")

@@ -26,8 +26,8 @@ from rig.procedures.column_names import spelled, unit_of
 from rig.units.of_instruments import HEAD_AXES, PRESSURE_UNIT, TEMPERATURE_UNIT, VOLT, scale
 from rig.verbs.instrument.catalogue import text_named
 
-SETS, STANDARD, READS, CHAMBER = "sets", "standard", "reads", "chamber"
-PARTS = (SETS, STANDARD, READS, CHAMBER)
+SETS, STANDARD, READS, CHAMBER, THERMOMETER = "sets", "standard", "reads", "chamber", "thermometer"
+PARTS = (SETS, STANDARD, READS, CHAMBER, THERMOMETER)
 """Parts of a bench that an instrument is named for."""
 
 _TAKES: Mapping[str, tuple[type, ...]] = {
@@ -35,6 +35,12 @@ _TAKES: Mapping[str, tuple[type, ...]] = {
     STANDARD: (Reader,),
     READS: (Reader,),
     CHAMBER: (Chamber, Source),
+    THERMOMETER: (Reader,),
+}
+_READ = (READS, STANDARD, THERMOMETER)
+_NOTHING: Mapping[str, str] = {
+    CHAMBER: "nothing: at the temperature of the room",
+    THERMOMETER: "no other one: the chamber's own reading is used",
 }
 _ASKED = ("model", "on", "off", "output")
 """Options that are asked for, although they have a default: without them most instruments are refused."""
@@ -132,11 +138,11 @@ def sets_unit(name: str, options: Mapping[str, Any]) -> str:
 def unsuitable(part: str, name: str, answers: Answers) -> str:
     """Why an instrument cannot be named for a part, as a sentence; "" if it can."""
     if not plays(name, *_TAKES[part]):
-        return f"{name} {'reads nothing' if part in (READS, STANDARD) else 'sets nothing'}"
+        return f"{name} {'reads nothing' if part in _READ else 'sets nothing'}"
     if plays(name, Head) and answers["quantity"] not in HEAD_AXES:
         return f"{name} sets {' or '.join(HEAD_AXES)}; call what you set so"
     options = {**widened(part, name, answers), **suggested(part, name, answers)}
-    if part in (READS, STANDARD):
+    if part in _READ:
         wanted = unit_of_part(part, answers)
         found = None if by_hand(name) else channels(name, options, wanted)
         return "" if found is None or found else f"{name} does not read {spelled(wanted)}"
@@ -187,7 +193,7 @@ _LEVELS = {SETS: "levels", CHAMBER: "chamber_degC"}
 
 def offered(part: str, answers: Answers) -> dict[str, str]:
     """Instruments for a part of the bench, by driver name, each with what it is."""
-    found = {NONE: "nothing: at the temperature of the room"} if part == CHAMBER else {}
+    found = {NONE: _NOTHING[part]} if part in _NOTHING else {}
     for name in drivers():
         with contextlib.suppress(ConfigurationError):  # of another package, and it cannot be loaded
             if not unsuitable(part, name, answers):

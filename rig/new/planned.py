@@ -10,13 +10,10 @@ from typing import TYPE_CHECKING
 from rig.errors import RigError
 from rig.new.files import BENCH, PROCEDURE
 from rig.procedures.present.blocks import Block, Line
-from rig.verbs.plan.result import Plan, plan
+from rig.verbs.plan.result import Plan, of_certificate, plan
 
 if TYPE_CHECKING:
     from rig.engine.session import Progress
-
-_CERTIFICATE = "a certificate would"
-"""In the lines of a plan that say what a certificate lacks; all are missing from a first register."""
 
 
 def planned(files: Mapping[str, str], on_progress: Callable[[Progress], None]) -> tuple[Plan, list[Block]]:
@@ -39,9 +36,8 @@ def planned(files: Mapping[str, str], on_progress: Callable[[Progress], None]) -
             error.args = (str(error).replace(f"{folder}/", ""),)
             raise
         blocks = list(found.blocks())
-    later = [one for one in blocks if isinstance(one, Line) and _CERTIFICATE in one.text]
-    shown = [one for one in blocks if one not in later]
+    later = {one.text for one in of_certificate(found)}
+    shown = [one for one in blocks if not (isinstance(one, Line) and one.text in later)]
     if later:
-        words = f"  a certificate needs {len(later)} things more, most in equipment.toml: `rig plan` lists them"
-        shown.append(Line(words))
+        shown.append(Line("  a certificate needs more, most of it in equipment.toml: `rig plan` lists it"))
     return found, shown

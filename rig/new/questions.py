@@ -12,8 +12,8 @@ from rig.errors import UsageError
 from rig.new import answers as of
 from rig.new import instruments
 from rig.new.answers import MODELS, NONE, Answers
-from rig.new.instruments import CHAMBER, PARTS, READS, SETS, STANDARD
-from rig.procedures.column_names import spelled, split_unit, stem_of
+from rig.new.instruments import CHAMBER, PARTS, READS, SETS, STANDARD, THERMOMETER
+from rig.procedures.column_names import spelled, split_unit, stem_of, unit_of
 from rig.procedures.present.meant import nearest
 from rig.procedures.tables.table import UNITS
 from rig.units.of_instruments import TEMPERATURE_UNIT
@@ -64,6 +64,11 @@ ORDERS = {
 def has_chamber(answers: Answers) -> bool:
     """Whether temperatures are set beside what is calibrated."""
     return bool(answers.get(CHAMBER, NONE) != NONE)
+
+
+def has_thermometer(answers: Answers) -> bool:
+    """Whether another thermometer than the chamber's own reads its temperature."""
+    return bool(answers.get(with_key(THERMOMETER), NONE) != NONE)
 
 
 def soaked(answers: Answers) -> bool:
@@ -138,6 +143,20 @@ def _range(given: Any, _: Answers) -> list[float]:
     return [min(found), max(found)]
 
 
+_FULL = {"A": 0.02, "Hz": 1000.0, "ohm": 100.0}
+_MILLI = 20.0  # of strain gauges, or of a current loop
+
+
+def _usually_read(answers: Answers) -> list[float]:
+    """An output at both ends, as its unit suggests: the value itself if it is in its unit."""
+    both, unit = ends(answers), answers["reads_in"]
+    full = _MILLI if unit[:1] == "m" and unit[1:] in ("V", "A") else _FULL.get(unit, 1.0)
+    if unit == unit_of(abscissa(answers)):
+        return both
+    top = max(map(abs, both))
+    return [float(f"{full * (0.01 + one / top):.4g}") for one in both]
+
+
 def _sensor(given: Any, answers: Answers) -> str:
     found = of.word(given)
     if found in (answers["quantity"], stem_of(abscissa(answers)), *UNITS):
@@ -149,7 +168,7 @@ def _with(part: str) -> Callable[[Answers], str]:
     def default(answers: Answers) -> str:
         there = list(instruments.offered(part, answers))
         people = [name for name in there if name != NONE and instruments.by_hand(name)]
-        if part == CHAMBER:
+        if part in (CHAMBER, THERMOMETER):
             return NONE
         if part == SETS:
             return (people or there)[0]
@@ -263,6 +282,10 @@ QUESTIONS: tuple[Question, ...] = (
         lambda _: "V", lambda v, _: of.unit(v),
     ),
     Question(
+        "reads_range", "What does it read at the lowest and the highest level?",
+        "about, the lowest level first: only the simulated bench needs it", _usually_read, lambda v, _: of.two(v),
+    ),
+    Question(
         "reads_with", "With which instrument is it read?", "its name, or your own file ./NAME.toml",
         _with(READS), lambda v, a: instruments.named(READS, v, a), lambda a: instruments.offered(READS, a),
     ),
@@ -286,6 +309,13 @@ QUESTIONS: tuple[Question, ...] = (
         lambda _: [10.0, 25.0, 40.0], lambda v, a: _in_reach(of.levels(v), a), when=has_chamber,
     ),
     _address(CHAMBER),
+    Question(
+        with_key(THERMOMETER), "Which other thermometer reads that temperature?",
+        "its name, or your own file ./NAME.toml",
+        _with(THERMOMETER), lambda v, a: v if v == NONE else instruments.named(THERMOMETER, v, a),
+        lambda a: instruments.offered(THERMOMETER, a), when=has_chamber,
+    ),
+    _address(THERMOMETER),
     Question(
         "soak_min", "How many minutes at temperature before it is read?", "after chamber and thermometers have arrived",
         lambda a: 60.0 if has_chamber(a) else 20.0, lambda v, _: of.number(v, 0, 10_000),

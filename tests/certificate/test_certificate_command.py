@@ -505,14 +505,14 @@ def test_as_found_and_as_left(run, tmp_path):
 
 def test_files_are_written_once(made, tmp_path):
     first = issue(made, Issue(tmp_path))
-    assert [path.name for path in first.files] == [f"S-2026-001.{form}" for form in ("pdf", "html", "xml", "json")]
+    assert [path.name for path in first.files] == [f"SIM-S-2026-001.{form}" for form in ("pdf", "html", "xml", "json")]
     second = issue(made, Issue(tmp_path, because="The customer wants two."))
-    assert second.document.number == "S-2026-002"
+    assert second.document.number == "SIM-S-2026-002"
     before = {path: path.read_bytes() for path in first.files}
-    with pytest.raises(UsageError, match="is never overwritten: --amends S-2026-001"):
-        issue(made, Issue(tmp_path, number="S-2026-001"))
+    with pytest.raises(UsageError, match="is never overwritten: --amends SIM-S-2026-001"):
+        issue(made, Issue(tmp_path, number="SIM-S-2026-001"))
     assert {path: path.read_bytes() for path in first.files} == before
-    again = issue(made, Issue(tmp_path / "elsewhere", number="S-2026-001"))
+    again = issue(made, Issue(tmp_path / "elsewhere", number="SIM-S-2026-001"))
     assert {path.name: path.read_bytes() for path in again.files} == {path.name: data for path, data in before.items()}
 
 
@@ -562,19 +562,19 @@ def test_an_amendment_says_what_changed(made, tmp_path):
     corrected = replace(made.document, items=(replace(made.document.items[0], serial="78"),))
     second = issue(replace(made, document=corrected), Issue(tmp_path, amends=first.number, because="A typing error."))
     amends = second.document.amends
-    assert second.document.number == "S-2026-001-1"
+    assert second.document.number == "SIM-S-2026-001-1"
     assert amends.changes == ("A typing error.", "items cell serial: 77 is now 78")
     assert (amends.number, amends.issued) == (first.number, DAY)
-    assert b"<dcc:referralID>S-2026-001<" in (tmp_path / "S-2026-001-1.xml").read_bytes()
+    assert b"<dcc:referralID>SIM-S-2026-001<" in (tmp_path / "SIM-S-2026-001-1.xml").read_bytes()
     again = replace(made.document, items=(replace(made.document.items[0], serial="79"),))
     third = issue(replace(made, document=again), Issue(tmp_path, amends=second.document.number)).document
-    assert third.number == "S-2026-001-2", "an amendment of an amendment is one of the original"
+    assert third.number == "SIM-S-2026-001-2", "an amendment of an amendment is one of the original"
     assert third.amends.changes == ("items cell serial: 78 is now 79",)
-    reference = f"It replaces certificate S-2026-001-1 of {DAY}; the original is S-2026-001 of {DAY}."
-    assert all(reference.encode() in (tmp_path / f"S-2026-001-2.{form}").read_bytes() for form in ("xml", "html"))
+    reference = f"It replaces certificate SIM-S-2026-001-1 of {DAY}; the original is SIM-S-2026-001 of {DAY}."
+    assert all(reference.encode() in (tmp_path / f"SIM-S-2026-001-2.{form}").read_bytes() for form in ("xml", "html"))
     with pytest.raises(UsageError, match="nothing changed"):
         issue(replace(made, document=again), Issue(tmp_path, amends=third.number))
-    with pytest.raises(UsageError, match="S-2026-001 was replaced by S-2026-001-1: --amends S-2026-001-1"):
+    with pytest.raises(UsageError, match="SIM-S-2026-001 was replaced by SIM-S-2026-001-1: --amends SIM-S-2026-001-1"):
         issue(made, Issue(tmp_path, amends=first.number, because="Another word."))
     with pytest.raises(UsageError, match="S-9 cannot be amended"):
         issue(made, Issue(tmp_path, amends="S-9"))
@@ -716,7 +716,7 @@ def test_the_command(run, tmp_path):
     )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
-    assert told["number"] == "S-2026-001"
+    assert told["number"] == "SIM-S-2026-001"
     assert sorted(told["files"]) == ["html", "json", "pdf", "xml"]
     read = rig("certificate", "--read", told["files"]["xml"], "--json")
     assert read.returncode == 0, read.stderr
@@ -725,7 +725,7 @@ def test_the_command(run, tmp_path):
     assert values == [float(one["value"]) for table in told["tables"] for one in table["results"]]
     shown = rig("certificate", "--read", told["files"]["xml"])
     assert "not signed" in shown.stdout
-    assert "S-2026-001" in shown.stdout
+    assert "SIM-S-2026-001" in shown.stdout
 
 
 def test_a_refusal_ends_with_two_and_writes_nothing(run, tmp_path):
@@ -801,7 +801,7 @@ def test_a_unit_without_an_si_unit_is_a_text_in_the_xml(made, tmp_path):
     odd = replace(table.results[0], unit="V per unit of log(force_kN)")
     document = replace(made.document, tables=(replace(table, results=(odd,)),), budgets=())
     issue(replace(made, document=document), Issue(tmp_path))
-    read = read_dcc(tmp_path / "S-2026-001.xml")
+    read = read_dcc(tmp_path / "SIM-S-2026-001.xml")
     (text,) = [one.text for one in read.quantities if one.where == "results"]
     assert odd.value in text
     assert odd.expanded in text

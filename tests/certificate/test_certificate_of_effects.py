@@ -106,7 +106,18 @@ def test_without_acceptance_the_page_does_not_say_that_the_value_lies_within(dec
     assert "lies within it with the stated coverage probability" not in page
     assert "rig certificate" not in page, "a customer's page has no command lines"
     assert "force_kN²: coefficients of the declared model over the range of this run" in page
-    assert "no properties of the item" in page
+    assert "no properties of the item. Under their table stands which" in page
+
+
+def test_a_coefficient_that_has_absorbed_a_part_of_an_effect_says_so_under_its_table(declared, traced):
+    page = html(declared.document)
+    absorbed = [one for one in declared.document.tables[0].notes if "absorbed" in one]
+    assert absorbed == [
+        "Coefficient 1 has absorbed a part of creep:force_kN: without it in the model it is 0.01106 V, with it "
+        "0.01229 V, a change of 1.4 times its standard uncertainty."
+    ], "at rest it is 0.0123 V; the other coefficients change by less than their uncertainties"
+    assert absorbed[0] in page
+    assert not [one for one in traced.document.tables[0].notes if "absorbed" in one]
 
 
 def test_the_table_of_effects_has_sizes_in_the_outputs_unit_and_the_time_constant_with_its_interval(declared):

@@ -12,6 +12,7 @@ from rig.bench.config import parse_bench
 from rig.errors import ConfigurationError, UsageError
 from rig.register import DOCUMENT, check_register, check_validity, parse_register, register_of
 from rig.register.equipment_file import Certificate, Constant, Equipment, Laboratory, Register, SensorItem, Statement
+from rig.register.needed import needed, stopping
 from rig.runs.plans import load_plan
 from rig.units.differences import factor
 
@@ -179,3 +180,21 @@ def test_a_run_keeps_the_register_of_its_bench(tmp_path, named):
 def test_a_run_without_a_register_says_how_to_give_one():
     with pytest.raises(UsageError, match="--equipment FILE"):
         register_of({})
+
+
+def test_what_several_items_lack_is_one_sentence():
+    """Four new sensors made sixteen lines of a first plan."""
+    register = parse_register(
+        '[sensors.a]\nmaker = "M"\n[sensors.b]\n[sensors.c]\nserial = "1"\nmaker = "M"\n', "r.toml"
+    )
+    told = list(needed(register, dict.fromkeys("abc"), "r.toml"))
+    assert [one for one in told if " of " in one and "sensors" in one] == [
+        "model, condition as received of a, b, c are missing: add model, condition to [sensors.NAME] of a, b, c in "
+        "r.toml",
+        "serial number of a, b is missing: add serial to [sensors.NAME] of a, b in r.toml",
+        "the maker of b is missing: add sensors.b.maker in r.toml",
+    ]
+    assert list(stopping(["x_V", "y_V", "t_degC"], ["x_V", "y_V"], ["t_degC"], ["t_degC is odd"])) == [
+        "x_V, y_V: the register states no error of what reads or sets each; add what its certificate says",
+        "t_degC: the register states no error of what reads or sets it; add what its certificate says. t_degC is odd",
+    ]

@@ -13,6 +13,7 @@ from command import rig
 from rig.bench.config import ConfigurationError, parse_toml
 from rig.lab.people import parse_people
 from rig.procedures.evaluate.fit_in_short import remarks
+from rig.procedures.evaluate.in_short import spanned
 from rig.procedures.present.blocks import Grid
 from rig.verbs.budget.in_short import of_sensors, what_of
 
@@ -144,3 +145,14 @@ def test_one_smooth_peak_is_told_as_one_shape_and_not_as_many_names(tmp_path: Pa
         "doubtful: "
         in rig("trace", "peak.csv", "--response", "y", "--formula", "1 + wave_nm", "--full", cwd=tmp_path).stdout
     )
+
+
+def test_notes_of_sensors_that_differ_in_one_number_are_one():
+    """Four sensors had four lines about the smallest drift that counts."""
+    few = "{} whole plots are few: the smallest drift is about {} Hz over the run"
+    found = spanned({few.format(9, 0.34): ["a"], few.format(9, 0.4): ["b"], few.format(9, 0.325): ["c"]})
+    assert found == {few.format(9, "0.325 to 0.4"): ["a", "b", "c"]}
+    apart = {few.format(9, 0.3): ["a"], few.format(8, 0.4): ["b"], "at -0.3 V": ["a"], "at -0.4 V": ["b"]}
+    assert spanned(apart) == apart, "two numbers differ, or a sign would be lost"
+    own = {few.format(9, 0.3): ["a"], few.format(9, 0.4): ["a"]}
+    assert spanned(own) == own, "both are of one sensor"

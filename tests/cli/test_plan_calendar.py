@@ -141,9 +141,9 @@ def test_plan_says_everything_in_register_and_settings_that_stops_a_certificate(
         "if a result depends on it: force_kN: the register states no error of what reads or sets it; add what its "
         "certificate says. equipment.W-1.says.0 is not used: W-1 gives no air_degC, but force_kN; correct the quantity",
     ]
-    assert all(
-        f"a certificate would be refused:[/] {one.partition('[')[0]}" in str(list(found.blocks())) for one in told
-    )
+    shown = str(list(found.blocks()))
+    assert shown.count("a certificate would be refused:") == 1
+    assert all(f"    - {one.partition('[')[0]}" in shown for one in told)
     with pytest.raises(Refused) as refused:
         make(CertificateRequest((path,), date.fromisoformat(ISSUED), settings=settings))
     reasons = {one.replace(str(settings), settings.name) for one in refused.value.reasons}
@@ -161,3 +161,21 @@ def test_errors_of_a_world_file_have_its_name_and_the_variables_there_are(tmp_pa
         told = " ".join((done.stdout + done.stderr).split())
         assert "night.toml: sensors.cell.hidden: valve_side is not known here" in told, told
         assert "force_side" in told
+
+
+@pytest.mark.parametrize(
+    ("register", "bench", "stated"),
+    [
+        (REGISTER, WITH_ASSETS, True),
+        (REGISTER.replace("due = 2030-01-01\n", ""), WITH_ASSETS, False),
+        (REGISTER.replace("due = 2030-01-01\n", ""), WITH_ASSETS.replace("nplc", "due = 2040-01-01\nnplc"), True),
+        (REGISTER.replace("W-1]", "W-9]").replace("W-1.", "W-9."), WITH_ASSETS.replace('"W-1"', '"DVM-1"'), False),
+    ],
+    ids=["in the register", "nowhere", "in the bench file", "of equipment that is not on the bench"],
+)
+def test_a_plan_says_that_calibrations_are_valid_only_if_a_date_is_stated(tmp_path, register, bench, stated):
+    files = written(tmp_path, bench=bench)
+    (tmp_path / "equipment.toml").write_text(register)
+    said = str(list(plan(*files[:2]).blocks()))
+    assert ("every calibration whose date is stated is valid until then" in said) is stated
+    assert ("no due date of any calibration is stated" in said) is not stated

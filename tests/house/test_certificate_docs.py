@@ -39,18 +39,18 @@ def said(tmp_path_factory):
 
 def test_commands_of_the_document_run_one_after_the_other(said):
     folder, found = said
-    names = [f"LC-2026-0001{more}.{form}" for more in ("", "-1") for form in ("html", "json", "pdf", "xml")]
+    names = [f"SIM-LC-2026-0001{more}.{form}" for more in ("", "-1") for form in ("html", "json", "pdf", "xml")]
     assert sorted(path.name for path in folder.iterdir()) == sorted(names)
-    assert "SIMULATED certificate LC-2026-0001: " in found[1]
+    assert "SIMULATED certificate SIM-LC-2026-0001: " in found[1]
     assert "Example laboratory for force" in found[2]
 
 
 def test_the_undeclared_creep_is_on_the_certificate(said):
     folder, _ = said
-    told = json.loads((folder / "LC-2026-0001.json").read_text())
+    told = json.loads((folder / "SIM-LC-2026-0001.json").read_text())
     assert [one["name"] for one in told["effects"]] == ["creep:force_kN"]
     assert told["statements"][0]["verdict"] == "pass"
-    assert json.loads((folder / "LC-2026-0001-1.json").read_text())["amends"]["changes"] == [
+    assert json.loads((folder / "SIM-LC-2026-0001-1.json").read_text())["amends"]["changes"] == [
         "The customer asked for a new date of issue."
     ]
 

@@ -64,6 +64,7 @@ standard_at = "socket://192.0.2.33:5025"
 standard_range = [0.5, 3.8]
 reads = "mfs"
 reads_in = "Hz"
+reads_range = [300, 4200]
 reads_with = "scpi-meter"
 channels = 4
 reads_at = "socket://192.0.2.35:5025"
@@ -217,6 +218,7 @@ def test_every_line_of_register_world_and_bench_can_be_used_when_its_mark_is_tak
         ('quantity = "voltage"\nsets_with = "keithley-2400"\nsets_at = "/dev/a"\nreads_at = "/dev/a"',
          "reads_at: /dev/a is the address of keithley-2400; each"),
         ('chamber = "espec-scp220"\nchamber_degC = [20, 400]', "chamber_degC: espec-scp220 goes from -40 to 150"),
+        ("reads_range = [1, 2, 3]", "reads_range: it is two numbers, that at the lowest level first, and here are 3"),
         ('order = "down"', "order: 'down' is not one of up-down, random, as written"),
         ("replications = 1.5", "replications: 1.5 is not a whole number"),
         ('model = "parabola"\nlevels = [0, 1]', "model: 2 levels do not determine it"),
@@ -300,3 +302,38 @@ def test_a_chamber_reads_back_and_a_plan_says_where_nothing_does(tmp_path):
     bench.write_text(re.sub(r"(?m)^(read|tolerance|time_constant_s) = .*\n", "", bench.read_text()))
     told = rig(*planned)
     assert words in " ".join(told.stdout.split()), told.stdout + told.stderr
+
+
+@pytest.mark.parametrize(
+    ("given", "formula", "noise"),
+    [
+        (FLOW, "-290.9 + 1182*flow_kg_per_min", 0.4),
+        (FLOW.replace("reads_range = [300, 4200]\n", ""), "10.02 + 263.2*flow_kg_per_min", 0.09),
+        (ONE, "0 + 1*voltage_V", 0.001),
+        ("", "0.01 + 0.1*force_kN", 0.0001),
+        (DIAL, "0 + 1*pressure_bar", 0.01),
+        (DIAL + "reads_range = [9, 1]\n", "9 - 0.8*pressure_bar", 0.01),
+    ],
+    ids=["as said", "Hz", "its own unit", "V", "a dial, which an eye reads", "falling"],
+)
+def test_a_simulated_sensor_reads_what_the_real_one_does(given, formula, noise):
+    """A meter in Hz that reads thousands had a world of 0.01 + 0.345 x, with noise of 0.0001."""
+    world = texts(completed(tomllib.loads(given), "given"))["world.toml"]
+    sensors = tomllib.loads(world)["sensors"].values()
+    assert {(one["formula"], one["noise"]) for one in sensors} == {(formula, noise)}
+
+
+def test_a_thermometer_beside_the_chambers_own_reading_is_its_reference(tmp_path):
+    thermometer = 'thermometer_with = "scpi-meter"\nthermometer_at = "socket://192.0.2.39:5025"\n'
+    told, lab = made(tmp_path, FLOW + thermometer)
+    bench, register = (tomllib.loads((lab / f"{name}.toml").read_text()) for name in ("bench", "equipment"))
+    assert bench["references"]["chamber_degC"] == {"reader": "thermometer"}
+    assert bench["instruments"]["thermometer"]["unit"] == "degC"
+    assert "TH-01" in register["equipment"]
+    world = rig("run", "procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml", cwd=lab)
+    assert world.returncode == 0, world.stderr
+    words = "chamber_degC: no other thermometer reads it; chamber's own reading is used"
+    assert words not in " ".join(told.stdout.split())
+    (tmp_path / "own").mkdir()
+    without, _ = made(tmp_path / "own", FLOW)
+    assert words in " ".join(without.stdout.split())

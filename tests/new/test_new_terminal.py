@@ -43,7 +43,7 @@ def _session(tmp_path, typed: list[str], end: bytes = b"", at: str = ""):
 
 
 def test_a_person_at_a_terminal_is_told_what_is_wrong_changes_an_answer_and_gets_files(tmp_path):
-    typed = ["force stand", "force", "kN", "nonsense", "0 5 10", "", "", "cell", "", "", "", "?", "/dev/rig/dvm"]
+    typed = ["force stand", "force", "kN", "nonsense", "0 5 10", "", "", "cell", "", "", "", "", "?", "/dev/rig/dvm"]
     code, shown = _session(tmp_path, [*typed, *[""] * 5, "replications", "2", "yes"])
     assert code == 0, shown
     assert "'nonsense' is no number" in shown

@@ -115,6 +115,7 @@ class RunBudget:
         unstated: columns whose errors the register does not state.
         outside: points beyond the settings of the run, as sentences.
         undeclared: results whose budgets have a line for effects that the declared model lacks.
+        absorbed: coefficients that have taken up a part of these effects, each with what is said of it.
         lacks: effects that were found and that the model of the results lacks, by output.
         lacking: the same with the states for which the results hold, and how far the run was away, by output.
     """
@@ -130,6 +131,7 @@ class RunBudget:
     unstated: tuple[str, ...] = ()
     outside: tuple[str, ...] = ()
     undeclared: tuple[str, ...] = ()
+    absorbed: Mapping[str, str] = field(default_factory=dict)
     lacks: Mapping[str, Sequence[str]] = field(default_factory=dict)
     lacking: Mapping[str, Holding] = field(default_factory=dict)
 

@@ -33,6 +33,7 @@ FOUND = (
 )
 NOTHING = "the run was traced, and no effect was found beside the declared model"
 NAMELESS = "the trace left more than error in {sensors} and found no cause: that is in no budget; see rig trace {run}"
+IGNORED = "the trace did not look at {columns}"
 NOT_TRACED = "the run was not traced, so effects that the declared model lacks are in no budget: {why}"
 SIMULATED = "a simulation is of the declared model alone; without --monte-carlo effects are looked for and counted"
 
@@ -44,10 +45,12 @@ class Found:
     Attributes:
         outcomes: of its trace.
         confirmed: results of further runs; None if there are none.
+        ignored: columns that the trace did not look at.
     """
 
     outcomes: Sequence[Outcome]
     confirmed: Confirmed | None = None
+    ignored: tuple[str, ...] = ()
 
     @property
     def effects(self) -> Mapping[str, tuple[str, ...]]:
@@ -74,10 +77,12 @@ def found_in(of: OfRun, path: Path, later: Sequence[Path] = (), equipment: Path 
         options: of `rig trace` for its kind.
     """
     fields = of.kind.trace_options.model_fields
+    if options.get("ignore") and "ignore" not in fields:
+        raise UsageError(f"--ignore: the trace of {of.kind.title} ignores no columns")
     given = {name: value for name, value in options.items() if name in fields}
     given |= {"quick": True} if "quick" in fields else {}
     if not later:
-        return Found(trace_table(of.table, **given).outcomes)
+        return Found(trace_table(of.table, **given).outcomes, ignored=tuple(options.get("ignore") or ()))
     from rig.verbs.confirm import judge, open_traced  # noqa: PLC0415 - few runs have further ones
 
     def read(one: Path) -> Table:
@@ -85,8 +90,8 @@ def found_in(of: OfRun, path: Path, later: Sequence[Path] = (), equipment: Path 
             return of.table
         return run_with_register(one, equipment).table if of.corrected else run_table(one)
 
-    first = open_traced(path, read, **given)
-    return Found(first.traced.outcomes, judge(first, *later))
+    first = open_traced(path, read, later, **given)
+    return Found(first.traced.outcomes, judge(first, *later), first.ignore)
 
 
 def budget_with(of: OfRun, found: Found, asked: Mapping[str, Any], *, traced: bool = False) -> RunBudget:
@@ -100,7 +105,8 @@ def budget_with(of: OfRun, found: Found, asked: Mapping[str, Any], *, traced: bo
     """
     effects, told = found.effects, found.verdicts
     every = {name for names in effects.values() for name in names}
-    with_all = {**asked, "options": {**(asked.get("options") or {}), "traced": True}}
+    told_to_trace = {"ignore": list(found.ignored)} if found.ignored else {}
+    with_all = {**asked, "options": {**(asked.get("options") or {}), **told_to_trace, "traced": True}}
     if not every:
         return budget_of(of, **asked)
     if traced or all(told.get(name) == "confirmed" for name in every):
@@ -122,7 +128,9 @@ def with_notes(of: OfRun, found: Found, made: RunBudget) -> RunBudget:
     """Budgets with sentences about the effects that were found."""
     run, names = shell_word(of.table.source), of.table.outputs
     notes = [] if any(found.effects.values()) else [NOTHING]
+    notes += [IGNORED.format(columns=", ".join(found.ignored))] if found.ignored else []
     notes += by_sensor(made.lacking, names)
+    notes += [f"{name} {said}" for name, said in made.absorbed.items()]
     notes += [FOUND.format(run=run)] if any(made.lacks.values()) else []
     nameless = [names.get(one.sensor, one.sensor) for one in found.outcomes if one.unnamed]
     notes += [NAMELESS.format(sensors=", ".join(nameless), run=run)] if nameless else []

@@ -220,8 +220,9 @@ def budget(
     of = run_with_register(Path(run), register)
     given = {name: value for name, value in options.items() if value is not None}
     later = [Path(one) for one in ([confirmed_by] if isinstance(confirmed_by, (str, Path)) else confirmed_by)]
-    if later and (given or trials is not None):
-        others = [*(f"--{name.replace('_', '-')}" for name in given), *(["--monte-carlo"] if trials else [])]
+    beside = given.keys() - {"ignore"}
+    if later and (beside or trials is not None):
+        others = [*(f"--{name.replace('_', '-')}" for name in sorted(beside)), *(["--monte-carlo"] if trials else [])]
         raise UsageError(f"--confirmed-by is of the declared model and its confirmed effects: omit {', '.join(others)}")
     options_of(of.kind, given, lambda kind: kind.budget_options, f"{run} is of {of.kind.title}")
     if trials is not None and trials < round(100.0 / (1.0 - probability)):

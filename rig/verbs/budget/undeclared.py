@@ -9,9 +9,11 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.budget import Budgeted, Shapes, TypeA, budgets
+from rig.fitter.rounding import rounded
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.budgeting import Evaluation, Results, Shift
 from rig.procedures.evaluate.inference import within_half_turn
+from rig.units.si import per_term
 from rig.verbs.budget.evaluation import RunBudget
 from rig.verbs.budget.lacking import in_state, lacking
 
@@ -59,8 +61,44 @@ def with_undeclared(
     covariance = np.sum([one.covariance for one in lines], axis=0)
     told = lacking(declared.of.table, declared.evaluation, traced.evaluation, effects, made)
     told = {**declared.lacking, **{name: one.beside(declared.lacking.get(name)) for name, one in told.items()}}
-    moved = _moved(covariance, made)
-    return replace(declared, budgets=tuple(made), type_a=type_a, undeclared=moved, lacks=effects, lacking=told)
+    return replace(
+        declared,
+        budgets=tuple(made),
+        type_a=type_a,
+        undeclared=_moved(covariance, made),
+        absorbed=_absorbed(declared, traced.evaluation, effects),
+        lacks=effects,
+        lacking=told,
+    )
+
+
+def _absorbed(declared: RunBudget, traced: Evaluation, effects: Mapping[str, Sequence[str]]) -> Mapping[str, str]:
+    """Sentences on coefficients that have taken up a part of the effects, by the name of the result.
+
+    That is a coefficient that the effects in the model change by more than its standard uncertainty, and by more than
+    twice the standard error of that change: a term beside a similar one changes it by chance.
+    """
+    mine, theirs = declared.evaluation.results, traced.results
+    place = {name: n for n, name in enumerate(theirs.names)}
+    averages = np.mean([one.evaluate(Shift()) for one in traced.elsewhere(declared.evaluation.columns)], axis=0)
+    found = {}
+    for n, (one, sensor) in enumerate(zip(declared.budgets, mine.sensors, strict=True)):
+        names = effects.get(sensor, ())
+        if one.name not in place or not names or " coefficient " not in one.name:
+            continue
+        at = place[one.name]
+        change = float(averages[at] - mine.values[n])
+        by_chance = float(np.sqrt(max(theirs.of_fit[at] - mine.of_fit[n], 0.0)))
+        if abs(change) <= max(one.standard_uncertainty, 2.0 * by_chance):
+            continue
+        before, after = (rounded(value, one.standard_uncertainty).value for value in (one.value, one.value + change))
+        unit, them = f" {per_term(one.unit)}" if one.unit else "", "these" if len(names) > 1 else "it"
+        found[one.name] = (
+            f"has absorbed a part of {', '.join(names)}: without {them} in the model it is "
+            f"{before:f}{unit}, with {them} {after:f}{unit}, a change of "
+            f"{abs(change) / one.standard_uncertainty:.2g} times its standard uncertainty"
+        )
+    return found
 
 
 def undeclared_lines(declared: Evaluation, traced: Evaluation, effects: Mapping[str, Sequence[str]]) -> list[TypeA]:

@@ -31,13 +31,18 @@ if TYPE_CHECKING:
     from rig.verbs.certificate.result import Made
 
 
+SIMULATED_NUMBER = "SIM-"
+"""What numbers of simulated certificates begin with, before the laboratory's scheme; they have their own count."""
+
+
 @dataclass(frozen=True)
 class Issue:
     """How a certificate is issued.
 
     Attributes:
         out: folder of the files.
-        number: of the certificate; "" for the next by the scheme of the settings.
+        number: of the certificate; "" for the next by the scheme of the settings; of a simulated one it begins with
+            `SIMULATED_NUMBER`.
         amends: number of the certificate that it replaces; "" for none.
         because: reason of the amendment, or of a second certificate of one run.
         template: own template of the page.
@@ -168,13 +173,37 @@ def _rules_since(last: Entry, document: Document) -> str:
 
 
 def _number(made: Made, how: Issue, before: Before | None, earlier: Earlier) -> str:
+    """The number. A simulated certificate has one of its own kind, so that no real number is missing for it."""
+    simulated = made.document.simulated
     if how.number:
         check_free(how.out, check_number(how.number))
+        if earlier.of(how.number) is None:  # a copy keeps the number that it has
+            _check_kind(how.number, simulated=simulated)
         return how.number
+    mark = SIMULATED_NUMBER if simulated else ""
     if before is not None:
+        if bool(before.told.get("simulated")) != simulated:
+            kind = "of a real" if simulated else "of a simulated"
+            raise UsageError(
+                f"certificate {how.amends} is {kind} run, and this one is not: neither replaces the other; leave out "
+                f"--amends"
+            )
         earlier.check_replaces(how.amends)
-        return number_of_amendment(how.out, before.original[0], earlier.numbers)
-    return next_number(how.out, made.settings.number, made.document.dates.issued, earlier.numbers)
+        original = before.original[0]
+        return number_of_amendment(how.out, f"{mark}{original.removeprefix(mark)}", earlier.numbers)
+    number = next_number(how.out, f"{mark}{made.settings.number}", made.document.dates.issued, earlier.numbers)
+    _check_kind(number, simulated=simulated)
+    return number
+
+
+def _check_kind(number: str, *, simulated: bool) -> None:
+    if number.startswith(SIMULATED_NUMBER) == simulated:
+        return
+    if simulated:
+        raise UsageError(
+            f"number {number} is one of the laboratory, and the run is simulated: --number {SIMULATED_NUMBER}{number}"
+        )
+    raise UsageError(f"number {number} is one of a simulated run, and this run is real: begin it otherwise")
 
 
 def _paper(name: str) -> Any:

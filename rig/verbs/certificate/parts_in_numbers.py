@@ -21,7 +21,7 @@ from rig.register import holds_of
 from rig.register.surroundings import shown_unit
 from rig.units.si import per_term
 from rig.verbs.budget.evaluation import RunBudget
-from rig.verbs.budget.found import Found
+from rig.verbs.budget.found import IGNORED, Found
 from rig.verbs.budget.lacking import in_state
 from rig.verbs.certificate import standing_sentences as words
 from rig.verbs.certificate.document import Condition, Holding
@@ -31,6 +31,7 @@ from rig.verbs.confirm import Confirmed, ends
 
 SMALL = 1e-3
 """Share of the variance below which an influence is not listed."""
+ABSORBED = " Under their table stands which of them have absorbed a part of the effects."
 _SHARED = "Quantities inferred from all items together"
 _OF_TEMPERATURES = -2
 """Last printed place of recorded conditions: that of meters of temperatures, and of tables."""
@@ -83,13 +84,24 @@ def tables(run: RunBudget, stage: Stage) -> tuple[ResultTable, ...]:
         results = tuple(_result(one, column, run) for one in ones)
         described = run.evaluation.described(column) if column else ""
         away = run.lacking[column].away if column in run.lacking else ""
-        told = (*((f"{described}.",) if described else ()), *((away,) if away else ()))
-        found.append(ResultTable(sensor_of(column, run), title, results, (), stage, told))
+        told = [*([f"{described}."] if described else []), *([away] if away else [])]
+        told += [
+            f"{label[:1].upper()}{label[1:]} {run.absorbed[one.name]}."
+            for one in ones
+            if one.name in run.absorbed
+            for label in [in_words(label_of(one, column, run))]
+        ]
+        found.append(ResultTable(sensor_of(column, run), title, results, (), stage, tuple(told)))
     return tuple(found)
 
 
-def notes(run: RunBudget, confirmed: Confirmed | None = None) -> Iterator[str]:
-    """Notes on the uncertainties, as sentences; `confirmed` has the results of further runs."""
+def notes(run: RunBudget, confirmed: Confirmed | None = None, ignored: Sequence[str] = ()) -> Iterator[str]:
+    """Notes on the uncertainties, as sentences; `confirmed` has the results of further runs, and the trace `ignored`
+    these columns.
+    """
+    if ignored:
+        told = IGNORED.format(columns=", ".join(ignored))
+        yield f"{told[0].upper()}{told[1:]}."
     pairs = sorted(zip(run.sensors, run.budgets, strict=True), key=lambda pair: -len(pair[1].name))
     for note in filter(None, (_with_further_runs(one, confirmed) for one in once(run.notes, run.of.table.outputs))):
         first = note.partition(" ")[0]
@@ -322,6 +334,6 @@ def models(run: RunBudget, stage: Stage, found: Found) -> Iterator[str]:
     )
     if moved := [one for one in run.undeclared if not {"output", "inferred"} & set(one.split())]:
         yield (
-            f"{', '.join(map(raised, moved))}: coefficients of the declared model over the range of this run. They "
-            f"absorb the effects, and are no properties of the item."
+            f"{', '.join(map(raised, moved))}: coefficients of the declared model over the range of this run, and no "
+            f"properties of the item.{ABSORBED * any(one in run.absorbed for one in moved)}"
         )

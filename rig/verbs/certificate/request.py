@@ -29,6 +29,7 @@ class CertificateRequest:
         traced: whether results are of the model with the effects that the trace finds, also where no further run
             confirmed them.
         today: the certificate of a real run is not dated after it; None if that is not asked.
+        ignore: columns that the trace does not look at; those that `confirmed_by` recorded if there are none.
         added: files of replications that were added to the last run, in order.
     """
 
@@ -44,6 +45,7 @@ class CertificateRequest:
     traced: bool = False
     room: Mapping[str, Range] = field(default_factory=dict)
     added: tuple[Path, ...] = ()
+    ignore: tuple[str, ...] = ()
 
     @property
     def settings_file(self) -> Path:

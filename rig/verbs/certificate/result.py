@@ -169,7 +169,7 @@ def _document(
         ),
         unstated=tuple(dict.fromkeys(d for one in of for d in absent(one.register, one.config))),
         unrecorded=tuple(dict.fromkeys(d for one in of for d in unrecorded(one.config, asked.room))),
-        notes=tuple(dict.fromkeys(n for one, b in with_budget for n in numbers.notes(b, one.confirmed))),
+        notes=tuple(dict.fromkeys(n for one, b in with_budget for n in numbers.notes(b, one.confirmed, one.ignored))),
         next_due=settings.next_due,
         remarks=settings.remarks,
         paper=settings.paper,

@@ -13,7 +13,7 @@ from rig.errors import RigError
 from rig.fitter.effects.history import NOTHING
 from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
-from rig.procedures.present.shell import shell_word
+from rig.procedures.present.shell import confirming, shell_word
 from rig.register import DOCUMENT, KnownConditions, check_surroundings, stopping
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.state import RunState, read_state
@@ -58,6 +58,7 @@ class CertifiedRun:
     budget: RunBudget | None = None
     outcomes: Sequence[Outcome] = ()
     confirmed: Confirmed | None = None
+    ignored: tuple[str, ...] = ()
     heads: Mapping[Path, str] = field(default_factory=dict)
     stated: bool = False
     said: tuple[str, ...] = ()
@@ -88,7 +89,7 @@ def read_run(
         _checked(run, asked, reasons)
     if state.ended == "complete":  # the effects of half a run are others in a moment
         with _noted(reasons):
-            _trace(run, later, asked.equipment, reasons)
+            _trace(run, later, asked, reasons)
     with _noted(reasons):
         _budget(run, asked, settings, reasons)
     return run
@@ -178,19 +179,20 @@ def _budget(run: CertifiedRun, asked: CertificateRequest, settings: CertificateS
         "probability": settings.probability,
         "shapes": shapes_at(settings.probability),
     }
-    run.budget = budget_with(run.of, Found(run.outcomes, run.confirmed), more, traced=asked.traced)
+    run.budget = budget_with(run.of, Found(run.outcomes, run.confirmed, run.ignored), more, traced=asked.traced)
     reasons.extend(_of_budget(run.budget, settings, str(asked.settings_file), stated=run.stated))
 
 
-def _trace(run: CertifiedRun, later: Sequence[Path], equipment: Path | None, reasons: list[str]) -> None:
+def _trace(run: CertifiedRun, later: Sequence[Path], asked: CertificateRequest, reasons: list[str]) -> None:
     verified = [verify_file(one) for one in later]
     broken = [(one, v.findings[0]) for one, v in zip(later, verified, strict=True) if not v.whole]
     reasons.extend(f"{one} is not verified: {finding}; see rig verify" for one, finding in broken)
     if broken or run.of is None:
         return
+    told = {"ignore": list(asked.ignore)} if asked.ignore else {}
     run.heads = {one: v.head for one, v in zip(later, verified, strict=True)}
-    found = found_in(run.of, run.path, later, equipment)
-    run.outcomes, run.confirmed = found.outcomes, found.confirmed
+    found = found_in(run.of, run.path, later, asked.equipment, **told)
+    run.outcomes, run.confirmed, run.ignored = found.outcomes, found.confirmed, found.ignored
     reasons.extend(_doubts(run))
 
 
@@ -222,7 +224,7 @@ def _doubts(run: CertifiedRun) -> Iterator[str]:
 
 def _next_run(run: CertifiedRun, verdict: str) -> str:
     """What to run next for a doubtful name, by the verdict of the further runs that were given; "" without any."""
-    dry, confirm = " --dry" if run.dry else "", f"rig confirm {shell_word(run.path)}"
+    dry, confirm = " --dry" if run.dry else "", confirming(run.path, run.ignored)
     if run.confirmed is None or not verdict:
         return f"confirm it by a further run ({confirm}{dry}), then --confirmed-by"
     paths = run.confirmed.paths

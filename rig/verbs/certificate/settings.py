@@ -108,7 +108,8 @@ class CertificateSettings(Strict):
         "{year}-{next:04d}",
         pattern=r"^[^/\\\x00-\x1f]*\{next(:0\d+d)?\}[^/\\\x00-\x1f]*$",
         description="number of a certificate; `{year}` is that of issue, `{next}` the first number that the laboratory "
-        "has not issued, and that has no certificate in the output folder",
+        "has not issued, and that has no certificate in the output folder; of a simulated run it begins with `SIM-` "
+        "and has a count of its own",
     )
     numbers: str = Field(
         "issued.json",

@@ -94,7 +94,8 @@ ANNEX = (
 PAGE = {
     "title": "Calibration certificate",
     "simulated": "SIMULATED",
-    "warning": "Simulated run: no real instrument was involved. This is not a certificate.",
+    "warning": "Simulated run: no real instrument was involved. This is not a certificate, and its number is none of "
+    "the laboratory's.",
     "end": "end of the certificate",
 }
 VERDICTS: Mapping[Verdict, str] = {

@@ -34,8 +34,8 @@ def fit_confirmed(
     if any(path.suffix == ".csv" for path in (run, *later)):
         raise UsageError("--confirmed-by takes two run files: tables have no bench and no time")
     given = options.model_dump(exclude_unset=True)
-    traced = {name: given[name] for name in ("formula", "temperature", "response") if name in given}
-    first = open_traced(run, read, **traced)
+    traced = {name: given[name] for name in ("formula", "temperature", "response", "ignore") if name in given}
+    first = open_traced(run, read, later, **traced)
     return with_confirmed(first, judge(first, *later), options)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from rig.bench.config import BenchConfig
+from rig.bench.config import BenchConfig, parse_toml
 from rig.by_kind import Traced, known, trace_table
 from rig.errors import UsageError
+from rig.files.toml_text import toml_text
 from rig.fitter.confirm import Later, Question, questions_of
 from rig.fitter.effects.manual_changes import Done
 from rig.options_of_kinds import chosen
@@ -157,12 +158,37 @@ def _traced(path: Path, table: Table, options: Mapping[str, Any]) -> Traced:
     return kept[key]
 
 
-def open_traced(path: Path, read: Callable[[Path], Table] = run_table, /, **options: Any) -> First:
+CONFIRMS = "confirms.toml"
+"""Document of a further run: what was told to the trace that it confirms."""
+
+
+def told_to_trace(first: First) -> dict[str, str]:
+    """That document, by its name; {} if nothing was told."""
+    if not first.ignore:
+        return {}
+    return {CONFIRMS: toml_text({"run": first.traced.table.provenance["run_id"], "ignore": list(first.ignore)})}
+
+
+def ignored_by(later: Iterable[Path]) -> tuple[str, ...]:
+    """Columns that were ignored by the trace that these further runs were made to confirm, as they have recorded it."""
+    found: dict[str, None] = {}
+    for path in later:
+        with RunReader.open(path) as reader:
+            told = parse_toml(reader.documents().get(CONFIRMS, ""), f"{path} ({CONFIRMS})")
+        found |= dict.fromkeys(told.get("ignore", ()))
+    return tuple(found)
+
+
+def open_traced(
+    path: Path, read: Callable[[Path], Table] = run_table, /, later: Sequence[Path] = (), **options: Any
+) -> First:
     """Trace a run.
 
     Args:
         path: its run file.
         read: gives the table of a run file.
+        later: further runs that will judge it; columns that their confirmation ignored are ignored, unless options say
+            which.
         options: of `rig trace` that the run's kind declares.
 
     Raises:
@@ -175,6 +201,8 @@ def open_traced(path: Path, read: Callable[[Path], Table] = run_table, /, **opti
         documents, run, began_utc_s = reader.documents(), reader.about(), reader.genesis().utc_s
     plan = plan_of(documents, dry=run.runs_dry, stored=True)
     kind = kind_of(plan.procedure)
+    if "ignore" in kind.trace_options.model_fields and not options.get("ignore") and (ignored := ignored_by(later)):
+        options["ignore"] = list(ignored)
     reason = kind.cannot_confirm(table, kind.trace_options(**options))
     if reason:
         raise UsageError(f"{path}: {reason}")
@@ -198,11 +226,11 @@ def open_traced(path: Path, read: Callable[[Path], Table] = run_table, /, **opti
     )
 
 
-def open_asked(path: Path, given: Mapping[str, Any]) -> First:
-    """A run, traced with those of the given options that its kind declares; errors as for `open_traced`."""
+def open_asked(path: Path, given: Mapping[str, Any], later: Sequence[Path] = ()) -> First:
+    """A run, traced with those of the given options that its kind declares; `later` and errors as for `open_traced`."""
     check_run_file(path)
     _, options = chosen(FileSource(path), given, lambda kind: kind.trace_options)
-    return open_traced(path, **options.model_dump(exclude_unset=True))
+    return open_traced(path, later=later, **options.model_dump(exclude_unset=True))
 
 
 def read_later(first: First, path: Path, *, anywhen: bool = False) -> Later:

@@ -10,7 +10,7 @@ from rig.files.toml_text import toml_text
 from rig.procedures.kind import Procedure
 from rig.procedures.plan.further_runs import Step, Variation
 from rig.runs.plans import Plan, plan_of
-from rig.verbs.confirm.first import First
+from rig.verbs.confirm.first import First, told_to_trace
 
 
 def procedure_text(procedure: Procedure, steps: Sequence[Step] = (), *, routine: bool = False) -> str:
@@ -29,7 +29,7 @@ def plan_for(
     first: First, variation: Variation, *, dry: bool, bench: str | None = None, world: str | None = None
 ) -> Plan:
     """The plan of a further run on the first run's bench, or on another file of the same bench; texts of files."""
-    documents = dict(first.documents) | {"procedure.toml": _text_of(variation)}
+    documents = dict(first.documents) | {"procedure.toml": _text_of(variation)} | told_to_trace(first)
     documents |= {name: text for name, text in (("bench.toml", bench), ("world.toml", world)) if text is not None}
     if not dry:
         documents.pop("world.toml", None)

@@ -72,6 +72,17 @@ def unread(plan: Plan) -> Iterator[str]:
             )
 
 
+def own_readings(plan: Plan) -> Iterator[str]:
+    """A sentence for each temperature of whole plots that only the instrument reads which sets it."""
+    bench = plan.bench
+    for factor in plan.run_list.factors:
+        setter = bench.setters.get(factor.name, "")
+        alone = factor.name not in bench.references and not bench.thermometers(factor.name)
+        reads = setter in (*playing(bench, Chamber), *playing(bench, Source)) and is_read(bench, factor.name)
+        if factor.hard and unit_of(factor.name) == TEMPERATURE_UNIT and alone and reads:
+            yield f"{factor.name}: no other thermometer reads it; {setter}'s own reading is used"
+
+
 def _time_constant(plan: Plan, factor: Factor, own: float | None) -> tuple[float, str] | None:
     """Seconds with which what is measured follows a factor, and who states it; None if nobody does."""
     name, bench = factor.name, plan.bench

@@ -98,6 +98,14 @@ def registered(plan: Plan) -> set[str]:
     return set(parse_register(plan.documents[DOCUMENT], DOCUMENT).equipment) if DOCUMENT in plan.documents else set()
 
 
+def has_due_date(plan: Plan) -> bool:
+    """Whether the bench file or the register states when a calibration of equipment on the bench is due."""
+    register = parse_register(plan.documents[DOCUMENT], DOCUMENT).equipment if DOCUMENT in plan.documents else {}
+    every = [one for _, one in entries(plan.bench)]
+    own = (known.certificate for one in every if (known := register.get(one.asset)) is not None)
+    return any(getattr(one, "due", None) is not None for one in (*every, *own))
+
+
 def expired(plan: Plan, first: date, on: date) -> list[str]:
     """Certificates that will not be valid from the first to the last date, a sentence each: no budget is then made.
 

@@ -34,9 +34,9 @@ from rig.runs.forecast import ALLOWANCE, SOAK_ALLOWANCE, Forecast, rehearse
 from rig.runs.plans import Plan as Checked
 from rig.runs.plans import load_plan
 from rig.verbs.frames import Frame, of_rows
-from rig.verbs.plan.dwells import short_dwells, unread
+from rig.verbs.plan.dwells import own_readings, short_dwells, unread
 from rig.verbs.plan.first_settings import first_settings
-from rig.verbs.plan.foreseen import beside, expired, not_stated, registered, stops, surroundings
+from rig.verbs.plan.foreseen import beside, expired, has_due_date, not_stated, registered, stops, surroundings
 from rig.verbs.plan.promised import Promised, promised
 from rig.verbs.plan.unit_doubts import unit_doubts
 from rig.verbs.result import Plots, Result
@@ -44,6 +44,12 @@ from rig.verbs.result import Plots, Result
 if TYPE_CHECKING:
     from rig.engine.session import Progress
     from rig.procedures.plan.precision import Precision
+
+VALID = "every calibration whose date is stated is valid until then"
+NO_DUE_DATE = (
+    "no due date of any calibration is stated, in the bench file or in a register: whether one expires until then is "
+    "not known"
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -271,15 +277,15 @@ class Plan(Result):
             yield Line(f"  {escape(', '.join(names))}: {words}")
         if names := cannot_be_asked(checked.bench):
             yield Line(f"  {escape(', '.join(names))}: {NO_QUESTION}")
+        yield from (Line(f"  {escape(one)}") for one in own_readings(checked))
         environment = _environment(self.checked)
         if environment:
             yield Line(f"  environment: {escape(environment)}")
         yield from (Line(f"  [yellow]{escape(line)}[/]") for line in self.overdue)
         if not self.overdue:
-            yield Line("  every calibration whose date is stated is valid until then")
+            yield Line(f"  {VALID if has_due_date(checked) else NO_DUE_DATE}")
         yield from (Line(f"  {escape(one)}") for one in surroundings(checked))
-        yield from (Line(f"  [yellow]a certificate would be refused:[/] {escape(one)}") for one in self._stops)
-        yield from (Line(f"  a certificate would say: {escape(one)}") for one in not_stated(checked))
+        yield from of_certificate(self)
         if names := beside(checked):
             yield Line(f"  in the register and not on the bench: {escape(', '.join(names))}")
         free, needed = self.disk
@@ -310,6 +316,18 @@ class Plan(Result):
 
     def __repr__(self) -> str:
         return f"<rig.Plan of {self.checked.procedure.name}: {len(self.checked.run_list)} points>"
+
+
+def of_certificate(planned: Plan) -> Iterator[Line]:
+    """Lines of a plan that say what a certificate of its run lacks: one reason beside the word, several below it."""
+    stop = stops(planned.checked, planned.finish_latest.date())
+    refused = "[yellow]a certificate would be refused:[/]"
+    for what, told in ((refused, stop), ("a certificate would say:", not_stated(planned.checked))):
+        if len(told) == 1:
+            yield Line(f"  {what} {escape(told[0])}")
+        elif told:
+            yield Line(f"  {what}")
+            yield from (Line(f"    - {escape(one)}") for one in told)
 
 
 def plan(
