@@ -259,7 +259,7 @@ class BenchActions:
         try:
             self._until_still(poll_s, _HOMING_TIMEOUT_S, "homing")
         except NotSettled as error:
-            raise NotHomed(str(error)) from error
+            raise NotHomed(f"{error}; look at the head's drives, and its limit and home switches") from error
         lost = [axis for axis, reading in self.axes().items() if not reading.homed]
         if lost:
             raise NotHomed(f"{' and '.join(lost)} did not find home; look at the head's limit and home switches")

@@ -457,7 +457,7 @@ class Sequencer:
         message = f"the soak failed: {error}" if decision.fault == "soak" else str(error)
         if isinstance(error, TemperatureLeft) and decision.action == ABORT:
             message += error.advice
-        if decision.action in (ABORT, HOLD):
+        if decision.action == ABORT:  # in a run that is held no file can be changed
             simulated = self._journal.fold.simulated
             message += advice(error, state, self._conduct, self._run_list, self._bench.config, simulated=simulated)
         match decision.action:

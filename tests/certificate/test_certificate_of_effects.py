@@ -12,6 +12,7 @@ from command import rig
 
 from rig.fitter.rounding import rounded_df
 from rig.verbs.budget.evaluation import budget_of, run_with_register, shapes_at
+from rig.verbs.budget.found import Found, with_notes
 from rig.verbs.budget.result import budget
 from rig.verbs.certificate.html import html
 from rig.verbs.certificate.request import CertificateRequest
@@ -118,6 +119,16 @@ def test_a_coefficient_that_has_absorbed_a_part_of_an_effect_says_so_under_its_t
     ], "at rest it is 0.0123 V; the other coefficients change by less than their uncertainties"
     assert absorbed[0] in page
     assert not [one for one in traced.document.tables[0].notes if "absorbed" in one]
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_a_budget_tells_a_few_such_coefficients_one_by_one_and_many_in_a_line(declared, count):
+    one = declared.budgets[0]
+    absorbed = {f"cell coefficient {k}": f"has absorbed {k}" for k in range(count)}
+    told = [n for n in with_notes(one.of, Found(()), replace(one, absorbed=absorbed)).notes if "absorbed" in n]
+    few = [f"cell coefficient {k} has absorbed {k}" for k in range(3)]
+    many = "cell coefficient 0, cell coefficient 1, cell coefficient 2, cell coefficient 3 have absorbed a part of the"
+    assert (told == few) if count == 3 else (len(told) == 1 and told[0].startswith(many))
 
 
 def test_the_table_of_effects_has_sizes_in_the_outputs_unit_and_the_time_constant_with_its_interval(declared):

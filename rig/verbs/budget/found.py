@@ -34,6 +34,9 @@ FOUND = (
 NOTHING = "the run was traced, and no effect was found beside the declared model"
 NAMELESS = "the trace left more than error in {sensors} and found no cause: that is in no budget; see rig trace {run}"
 IGNORED = "the trace did not look at {columns}"
+ABSORBED = "{names} have absorbed a part of the effects, and are no properties of the item; a certificate says how much"
+MOST_ABSORBED = 3
+"""Coefficients that a budget tells one by one, with what they have absorbed."""
 NOT_TRACED = "the run was not traced, so effects that the declared model lacks are in no budget: {why}"
 SIMULATED = "a simulation is of the declared model alone; without --monte-carlo effects are looked for and counted"
 
@@ -130,7 +133,9 @@ def with_notes(of: OfRun, found: Found, made: RunBudget) -> RunBudget:
     notes = [] if any(found.effects.values()) else [NOTHING]
     notes += [IGNORED.format(columns=", ".join(found.ignored))] if found.ignored else []
     notes += by_sensor(made.lacking, names)
-    notes += [f"{name} {said}" for name, said in made.absorbed.items()]
+    absorbed = [f"{name} {said}" for name, said in made.absorbed.items()]
+    few = len(absorbed) <= MOST_ABSORBED
+    notes += absorbed if few else [ABSORBED.format(names=", ".join(made.absorbed))]
     notes += [FOUND.format(run=run)] if any(made.lacks.values()) else []
     nameless = [names.get(one.sensor, one.sensor) for one in found.outcomes if one.unnamed]
     notes += [NAMELESS.format(sensors=", ".join(nameless), run=run)] if nameless else []
