@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +33,7 @@ APART = tuple(np.geomspace(0.3, 1e4, 19).tolist())
 """The same of replications' own parameters that differ by chance."""
 WALKS = tuple(np.geomspace(0.1, 2e3, 18).tolist())
 """The same of the steps, if they walk from one replication to the next."""
-ROOM = 10.0
+ROOM = 3.0
 """Largest variance that is tried, over the one that a run shows beside the declared model."""
 NEAR, COARSE = 2, 3
 """Options next to that of the middle that are tried, and of all others one in so many."""
@@ -67,6 +67,11 @@ class Component:
     kind: str
     strata: IntArray
     options: FloatArray
+
+    @cached_property
+    def mean(self) -> FloatArray:
+        """(o,) logarithm of the options' factors, mean over the strata."""
+        return np.asarray(np.log(self.options).mean(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,11 +232,22 @@ def around(run: InRun, sigma: FloatArray, middle: Middle, *, pooled: bool) -> tu
 
 
 def _about(run: InRun, middle: Middle) -> Covariances:
-    kinds, at = [one.kind for one in run.components], np.array(middle, np.int64)
-    changes = list[tuple[IntArray, int]]()
+    options = tuple(len(one.options) for one in run.components)
+    each, price = _tried(tuple(one.kind for one in run.components), options, middle)
+    factor, shape = np.ones((len(each), len(run.of))), np.zeros(each.shape)
+    for k, one in enumerate(run.components):
+        factor[:, one.strata] *= one.options[each[:, k]]
+        shape[:, k] = one.mean[each[:, k]]
+    return Covariances([tuple(one) for one in each.tolist()], factor, shape, price)
+
+
+@lru_cache(maxsize=512)  # parts of a run have the same components
+def _tried(kinds: tuple[str, ...], options: tuple[int, ...], middle: Middle) -> tuple[IntArray, FloatArray]:
+    """(G, C) options that are tried about a middle, and (G,) their price, in nats: of what sensors have not alike."""
+    at, changes = np.array(middle, np.int64), list[tuple[IntArray, int]]()
     for kind in dict.fromkeys(kinds):
         alike = np.array([k for k, other in enumerate(kinds) if other == kind])
-        for option in range(len(run.components[alike[0]].options)):
+        for option in range(options[alike[0]]):
             tried = alike[np.abs(option - at[alike]) <= NEAR] if option % COARSE else alike
             if len(tried) and np.any(at[alike] != option):
                 changes.append((alike, option))
@@ -241,24 +257,14 @@ def _about(run: InRun, middle: Middle) -> Covariances:
     each[0] = 0
     for row, (changed, option) in zip(each[2:], changes, strict=True):
         row[changed] = option
-    if middle == run.none:
+    if not any(middle):
         each = each[1:]
-    every = [tuple(one) for one in each.tolist()]
-    factor, shape = np.ones((len(every), len(run.of))), np.zeros(each.shape)
-    for k, one in enumerate(run.components):
-        factor[:, one.strata] *= one.options[each[:, k]]
-        shape[:, k] = np.log(one.options).mean(axis=1)[each[:, k]]
-    return Covariances(every, factor, shape, _price(run, each))
-
-
-def _price(run: InRun, each: IntArray) -> FloatArray:
-    """(G,) in nats, of what sensors have not alike in covariances (G, C)."""
-    kinds, out = np.array([one.kind for one in run.components]), np.zeros(len(each))
-    for kind in np.unique(kinds[np.char.startswith(kinds, PARAMETER)] if len(kinds) else kinds):
-        own = each[:, kinds == kind]
+    price = np.zeros(len(each))
+    for kind in {kind for kind in kinds if kind.startswith(PARAMETER)}:
+        own = each[:, [other == kind for other in kinds]]
         alike = np.sum(own[:, :, None] == own[:, None], axis=2).max(axis=1)
-        out += ALONE * (own.shape[1] - alike)
-    return out
+        price += ALONE * (own.shape[1] - alike)
+    return each, price
 
 
 Kind = tuple[str, FloatArray, list[Stratum]]
