@@ -37,7 +37,7 @@ MOST = 1000
 SURE_DRAWS = 4000
 """Number of draws behind a p that is near a limit: of 400 draws, a p of 0.035 is 0.018 as often as 0.053."""
 NEAR_A_LIMIT = 2.0 * ALPHA
-"""The largest p that is told by so many draws; one of which no draw has such a score is an upper bound as it is."""
+"""The largest p that is drawn again so often; where no draw has such a score it is an upper bound as it is."""
 MOST_NEAR = 48
 """Covariances that are near the best, at most: those that are so on average."""
 LIKE = 4.0
