@@ -26,7 +26,7 @@ from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.effects.of_instruments import BORDERS, range_gain, range_step
 from rig.procedures.general.effects.scene import Stood, TableScene
 from rig.procedures.general.effects.time_columns import lagging
-from rig.procedures.general.trace import cross
+from rig.procedures.general.trace import cross, trace_general
 from rig.procedures.general.trace.run import problem_of
 from rig.procedures.tables.table import Table
 
@@ -37,6 +37,20 @@ LARGE = Lab(2600, 4, clock=True)
 def data_of(lab, seed=1, effect=None):
     columns = simulate(lab, seed, effect)
     return roles_of(Table("simulated", columns, True, {}), Roles(**options(lab)))[0]
+
+
+def test_where_nothing_is_found_no_part_of_the_rows_is_searched(monkeypatch):
+    """There is one model then, and the left-out error of it: the search of parts was a third of a trace."""
+    searched = []
+    search = cross.search_and_name
+    monkeypatch.setattr(cross, "search_and_name", lambda *args, **told: searched.append(1) or search(*args, **told))
+    for effect, times in ((None, 0), (MISSING["drift"].at(1.0), 5)):
+        searched.clear()
+        found = trace_general(data_of(Lab(200, 3, clock=True), effect=effect))
+        assert bool(found.effects) == bool(times)
+        assert len(searched) == times
+        before, after = found.before.cv_rms, found.after.cv_rms
+        assert after < before if times else after == before
 
 
 def test_a_certain_score_needs_no_simulation_and_has_the_p_of_one(monkeypatch):

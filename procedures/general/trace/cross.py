@@ -65,7 +65,8 @@ def left_out(
         if len(kept) - orthonormal(problem.declared[kept]).shape[1] < FEWEST_SPARE:
             return None
         own = TableJudge(held.rows(kept), families)
-        _, found = search_and_name(own, lead=own.lead)
+        # where the whole table shows nothing there is one model: no part is searched
+        found = search_and_name(own, lead=own.lead)[1] if chosen else ()
         fitted = refined(own, found).only(found)
         whole = tuple(_whole(problem.candidates[j], c) for j, c in zip(found, fitted.candidates, strict=True))
         moved, last = replace(problem, candidates=whole), TableJudge(fitted)
