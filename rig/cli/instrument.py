@@ -52,9 +52,9 @@ def instrument(
 ) -> int:
     """List, show, check, begin or look for instruments that are tables: `driver = "./my_bath.toml"`.
 
-    `check` sends questions only, unless it is told to set a value. `new` asks what the manual says, and writes a
-    commented file. `scan` asks at the named addresses who is there, and nothing else. Ends with 1 if an instrument is
-    not as its file says, with 78 if a file is wrong.
+    `check` sends only questions, and what chooses a channel, unless it is told to set a value. `new` asks what the
+    manual says, and writes a commented file. `scan` asks at the named addresses who is there, and nothing else. Ends
+    with 1 if an instrument is not as its file says, with 78 if a file is wrong.
 
     Examples:
 

@@ -164,6 +164,46 @@ def test_a_new_file_is_whole(wire, role):
     assert lacking(text) == ""
 
 
+CHANNELS = {"Does it measure": "reader", "Unit of": "V", "Its channels": "101 103"}
+
+
+@pytest.mark.parametrize(
+    ("more", "first"),
+    [
+        ({"Command that chooses channel 101": "ROUT:CLOS (@101)"}, "> ROUT:CLOS (@101)\\r\\nREAD?\\r\\n"),
+        ({"Question for a reading of channel 101": "MEAS? (@101)"}, "> MEAS? (@101)\\r\\n"),
+    ],
+    ids=["a command chooses it", "the question names it"],
+)
+def test_channels_are_asked_for_and_a_check_reads_each(tmp_path, more, first):
+    """No question was of channels, and a check of a file with channels read none of them: all was ok."""
+    said = {**more, **CHANNELS}
+    text = asked(lambda question, assumed: next((a for q, a in said.items() if question.startswith(q)), assumed))
+    assert lacking(text) == ""
+    (tmp_path / "m.toml").write_text(text)
+    done = rig("instrument", "check", tmp_path / "m.toml", "--json")
+    assert done.returncode == 0, done.stdout + done.stderr
+    steps = {one["what"]: one for one in json.loads(done.stdout)[0]["steps"]}
+    assert steps["examples in the file"]["found"] == "the file has none"
+    read = steps["three readings of each channel"]
+    channels = dict(one.split(": ") for one in read["found"].split("; "))
+    assert set(channels) == {"101", "103"}
+    assert all(len(one.removesuffix(" V").split(", ")) == 3 for one in channels.values())
+    assert read["wire"][0] == first
+    assert any("103" in one for one in read["wire"])
+
+
+def test_a_real_meter_that_has_to_be_started_is_not_and_its_check_says_so(file, stranger):
+    reader = (
+        '[reader]\nunit = "degC"\nstart = "GO {count:d}"\nfetch = { ask = "in_pv_00", answer = "{value}" }\nmost = 1\n'
+    )
+    file.write_text(f"{BATH.partition('[source]')[0]}{reader}")
+    done = rig("instrument", "check", file, "--address", stranger[0], "--json")
+    step = json.loads(done.stdout)[0]["steps"][-1]
+    assert step["found"] == "none: reader.start is a command, and only questions are sent", done.stdout + done.stderr
+    assert "GO 3" not in stranger[1]
+
+
 @pytest.mark.parametrize(("role", "more"), [("reader", {"Signal of the reading": "State.Actual"}), ("source", {})])
 def test_a_new_file_with_messages_is_whole_beside_its_dbc(role, more):
     dbc = (Path(__file__).parents[2] / "docs" / "how_to" / "can.md").read_text().split("```text my_chamber.dbc\n")[1]

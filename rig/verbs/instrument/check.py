@@ -1,6 +1,7 @@
 """An instrument held against its file, question by question: a twin, or the real one at an address.
 
-Without a setpoint only questions are sent. With one it is prepared, set, awaited, and brought to its safe state.
+Without a setpoint only questions are sent, and what chooses a channel. With one it is prepared, set, awaited, and
+brought to its safe state. A twin that measures is prepared.
 """
 
 from __future__ import annotations
@@ -107,7 +108,7 @@ def check(
         name: the file's name.
         address: where it is; "" for its twin.
         options: further options, as in a bench file.
-        setpoint: value to set; None to send only questions.
+        setpoint: value to set; None to send only questions, and what chooses a channel.
         wait_s: longest wait until it has settled.
 
     Raises:
@@ -121,7 +122,8 @@ def check(
         heard.append(f"{'>' if direction == 'tx' else '<'} {shown}")
 
     wrong = list(replayed(table))
-    said = "; ".join(wrong) or f"{len(table.examples)} questions and answers of the file are read as it says"
+    read = f"{len(table.examples)} questions and answers of the file are read as it says"
+    said = "; ".join(wrong) or (read if table.examples else "the file has none")
     steps.append(Step("examples in the file", found=said, ok=not wrong))
     with contextlib.ExitStack() as held:
         try:
@@ -129,7 +131,8 @@ def check(
         except DriverError as error:
             steps.append(Step("connection", found=str(error), ok=False))
         else:
-            _carried_out(_steps(driver, table, clock, setpoint, wait_s), steps, heard, table, driver, setpoint)
+            every = _steps(driver, table, clock, setpoint, wait_s, twin=not address)
+            _carried_out(every, steps, heard, table, driver, setpoint)
     digest = hashlib.sha256(text.rstrip("\n").encode()).hexdigest()
     what = f"{table.maker} {', '.join(table.model)}".strip()
     return Checked(
@@ -251,9 +254,9 @@ def bench_of(text: str, table: Instrument, address: str, options: Mapping[str, A
 
 
 def _steps(
-    driver: Any, table: Instrument, clock: Clock, setpoint: float | None, wait_s: float
+    driver: Any, table: Instrument, clock: Clock, setpoint: float | None, wait_s: float, *, twin: bool
 ) -> Iterator[tuple[Step, Callable[[], str]]]:
-    setting = setpoint is not None
+    setting = setpoint is not None or (twin and not isinstance(driver, Source))  # a twin that measures cannot be hurt
     anything: Any = driver
 
     def identity() -> str:
@@ -275,8 +278,10 @@ def _steps(
             )
 
         yield Step("settings"), settings
-    reader: Any = table.reader
-    if isinstance(driver, Reader) and (setting or not (reader.select or reader.start or reader.number)):
+    starts = [key for key in ("start", "number") if getattr(table.reader, key, ())]
+    if isinstance(driver, Reader) and starts and not setting:
+        yield Step("readings"), lambda: f"none: reader.{starts[0]} is a command, and only questions are sent"
+    elif isinstance(driver, Reader):
 
         def readings() -> str:
             driver.start(3)
@@ -286,7 +291,7 @@ def _steps(
                 for name, values in driver.fetch().items()
             )
 
-        yield Step("three readings"), readings
+        yield Step("three readings of each channel" if len(driver.channels()) > 1 else "three readings"), readings
     if isinstance(driver, Source):
 
         def state() -> str:

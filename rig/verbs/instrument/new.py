@@ -75,10 +75,7 @@ def _lines(ask: Ask, wire: str, role: str, unit: str, maker: str, model: str) ->
     form = re.sub(r",[^,{]+,[^,{]+$", ",{serial},{firmware}", form)
     found += [f"ask = {_text(question)}", f"answer = {_text(form)}", ""]
     if role == "reader":
-        question = ask("Question for a reading", "READ?")
-        said = ask("Its answer, as the manual prints it", f"23.45 {unit}")
-        found += ["[reader]", f'unit = "{unit}"']
-        return [*found, f"reading = {{ ask = {_text(question)}, answer = {_text(form_of(said))} }}", "reading_s = 0.5"]
+        return [*found, *_reader(ask, unit)]
     found += [
         "[source]",
         f'unit = "{unit}"',
@@ -100,6 +97,33 @@ def _lines(ask: Ask, wire: str, role: str, unit: str, maker: str, model: str) ->
         "tolerance = 0.1                 # near enough to its setpoint",
         "dwell_s = 60                    # for so long",
     ]
+
+
+def _reader(ask: Ask, unit: str) -> Iterator[str]:
+    """Lines of a reader that is asked, with one channel or several."""
+    channels = ask("Its channels, as its commands name them, such as 101 102 103 (empty: it has one)", "").split()
+    first = channels[0] if channels else ""
+    yield from ["[reader]", f'unit = "{unit}"']
+    select = question = ""
+    if channels:
+        select = ask(f"Command that chooses channel {first} (empty: the question for a reading names it)", "")
+        if select:
+            yield f"select = {_text(_named(select, first))}"
+            yield "# settle_s = 0.1               # wait after choosing"
+    proposed = f"READ? {first}" if channels and not select else "READ?"
+    question = ask(f"Question for a reading{f' of channel {first}' if channels else ''}", proposed)
+    said = ask("Its answer, as the manual prints it", f"23.45 {unit}")
+    yield f"reading = {{ ask = {_text(_named(question, first))}, answer = {_text(form_of(said))} }}"
+    yield "reading_s = 0.5"
+    if channels:
+        yield from ["", "[reader.channels]               # unit = ... in its braces if it has another one"]
+        yield from (f'"{one}" = {{}}' for one in channels)
+
+
+def _named(command: str, channel: str) -> str:
+    """A command for any channel, from that for one."""
+    alone = rf"(?<![A-Za-z0-9]){re.escape(channel)}(?![A-Za-z0-9])"
+    return re.sub(alone, "{channel}", command) if channel else command
 
 
 def _registers(ask: Ask, role: str, unit: str) -> list[str]:
