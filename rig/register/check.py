@@ -119,7 +119,9 @@ def unrecorded(config: BenchConfig, room: Collection[str] = ()) -> Iterator[str]
         yield f"No temperature of the room is recorded with the observations: {words}."
 
 
-def check_validity(register: Register, config: BenchConfig, where: str, first: date, last: date) -> None:
+def check_validity(
+    register: Register, config: BenchConfig, where: str, first: date, last: date, *, simulated: bool = False
+) -> None:
     """Refuse equipment whose certificate was not valid during a run.
 
     Args:
@@ -128,11 +130,12 @@ def check_validity(register: Register, config: BenchConfig, where: str, first: d
         where: name of the register's file, for messages.
         first: date of the first observation.
         last: date of the last.
+        simulated: whether these are dates of a dry run, which begins on a day that its register covers.
 
     Raises:
         ConfigurationError: with a line for each.
     """
-    found = []
+    found, again = [], "the date is simulated: make the dry run again with this register"
     for asset in dict.fromkeys(entry.asset for _, entry in entries(config) if entry.asset in register.equipment):
         certificate = register.equipment[asset].certificate
         if certificate is None:
@@ -140,10 +143,11 @@ def check_validity(register: Register, config: BenchConfig, where: str, first: d
         key = f"{where}: equipment.{asset}.certificate"
         if certificate.due is not None and certificate.due < last:
             found.append(
-                f"{key}.due = {certificate.due}, and the run ended on {last}: it had expired; have it calibrated, or "
-                f"name the certificate that was valid"
+                f"{key}.due = {certificate.due}, and the run ended on {last}: it had expired; "
+                + (again if simulated else "have it calibrated, or name the certificate that was valid")
             )
         if certificate.date > first:
-            found.append(f"{key}.date = {certificate.date}, and the run began on {first}: name the one valid then")
+            do = again if simulated else "name the one valid then"
+            found.append(f"{key}.date = {certificate.date}, and the run began on {first}: {do}")
     if found:
         raise ConfigurationError("\n".join(found))

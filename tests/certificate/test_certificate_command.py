@@ -260,7 +260,10 @@ def test_all_reasons_are_listed_at_once(run, tmp_path):
 
 OF_REGISTER = {  # a fault: what it changes into what, and what is said of it
     "due = 2030-01-01": ("due = 2021-01-01", "it had expired"),
-    'number = "E-1"\ndate = 2020': ('number = "E-1"\ndate = 2029', "name the one valid then"),
+    'number = "E-1"\ndate = 2020': (
+        'number = "E-1"\ndate = 2029',
+        "the date is simulated: make the dry run again with this register",
+    ),
     "range = [-10, 10]": ("range = [-1, 1]", "the certificate covers -1 to 1"),
     'serial = "77"': ("", "the serial number of cell is missing"),
     'customer = "Bridge builders"': ("", "the customer is missing"),
@@ -360,6 +363,36 @@ def test_an_expired_certificate_is_refused(run, tmp_path):
     assert any("it had expired" in one for one in found)
 
 
+def test_reasons_of_a_register_say_that_it_is_the_one_kept_in_the_run(tmp_path):
+    """A register that was filled after the run was complained of, and nothing said how to take it."""
+    path = stand(tmp_path, register=REGISTER.replace('address = "1 Weight Road"', 'address = ""'))
+    wanted = asked(path, settled(tmp_path))
+
+    def last() -> str:
+        with pytest.raises(Refused, match=r"add laboratory\.address in equipment\.toml") as refused:
+            make(wanted)
+        return str(refused.value).splitlines()[-1]
+
+    kept, file = f"equipment.toml and the register are those kept in {path} when it began", tmp_path / "equipment.toml"
+    begin, end = f"{kept}; ", f"--equipment {file} takes it, or make the dry run again"
+    assert last() == f"{begin}correct {file}; then {end}"
+    file.write_text(REGISTER)
+    assert last() == f"{begin}{file} is different now: {end}"
+    make(replace(wanted, equipment=file))
+    file.unlink()
+    assert last() == f"{kept}: --equipment FILE takes a corrected one"
+    path.rename(path := tmp_path / "whole.sqlite")
+    wanted = asked(path, settled(tmp_path, text=SETTINGS.replace('country = "GB"', "")))
+    with pytest.raises(Refused) as refused:
+        make(replace(wanted, equipment=_written(file)))
+    assert "kept in" not in str(refused.value)
+
+
+def _written(path: Path) -> Path:
+    path.write_text(REGISTER)
+    return path
+
+
 def test_a_range_that_is_left_is_refused(run, tmp_path):
     equipment = tmp_path / "range.toml"
     equipment.write_text(REGISTER.replace("range = [-10, 10]", "range = [-1, 1]"))
@@ -371,7 +404,11 @@ def test_repeatability_only_is_refused(run, tmp_path):
     text = re.sub(r"(?s)\[\[equipment\.W-1\.says\]\].*?(?=\[equipment\.DVM-1\])", "", REGISTER)
     equipment.write_text(re.sub(r"(?s)\[\[equipment\.DVM-1\.says\]\].*?(?=\[sensors)", "", text))
     found = reasons(run, tmp_path, equipment=equipment)
-    assert sum("is repeatability only" in one for one in found) == 6
+    (said,) = (one for one in found if "repeatability only" in one)
+    assert said.startswith(
+        "the uncertainties of 6 results are repeatability only (coefficient 1, coefficient force_kN, "
+    )
+    assert said.endswith(" of cell); state the errors of the instruments in the register")
 
 
 def test_a_changed_file_is_refused(run, tmp_path):

@@ -240,7 +240,7 @@ def checked_with(
         reasons += contradicted(register, config, identities, where, simulated=table.simulated)
         first, last = (date.fromisoformat(table.provenance[key][:10]) for key in ("began_utc", "last_observation_utc"))
         with _noted(reasons):
-            check_validity(register, config, where, first, last)
+            check_validity(register, config, where, first, last, simulated=table.simulated)
         with _noted(reasons):
             stated = stated_of(register, config, last)
             check_covered(stated, table.columns, where)

@@ -202,9 +202,20 @@ def decimal_text(number: Decimal) -> str:
     return f"{number.scaleb(-power):f}e{power:+03d}"
 
 
-def repeatability_only(run: RunBudget) -> tuple[str, ...]:
-    """Results whose uncertainty has nothing but the scatter of the run."""
-    return tuple(one.name for one in run.budgets if not any(line.kind == "B" for line in one.contributions))
+def repeatability_only(run: RunBudget) -> str:
+    """Results whose uncertainty has nothing but the scatter of the run, in words; "" if there is none."""
+    of: dict[str, list[str]] = {}
+    for one, sensor in zip(run.budgets, run.sensors, strict=True):
+        if not any(line.kind == "B" for line in one.contributions):
+            of.setdefault(run.of.table.outputs.get(sensor, sensor), []).append(one.name)
+    every = [name for names in of.values() for name in names]
+    if len(every) < 2:
+        return "".join(f"{name}: its uncertainty is repeatability only" for name in every)
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for sensor, names in of.items():
+        alike.setdefault(tuple(one.removeprefix(f"{sensor} ") for one in names), []).append(sensor)
+    said = (f"{', '.join(names)}{f' of {whose}' if (whose := ', '.join(of)) else ''}" for names, of in alike.items())
+    return f"the uncertainties of {len(every)} results are repeatability only ({'; '.join(said)})"
 
 
 def conditions(run: RunBudget, stage: Stage) -> Iterator[Condition]:

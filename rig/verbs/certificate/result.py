@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 
+from rig.bench.config import read_text
 from rig.errors import UsageError
 from rig.fitter.errors import FitError
+from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT, absent, needed, unrecorded
 from rig.tables import run_table
 from rig.verbs.budget.evaluation import OfRun, RunBudget
@@ -31,12 +33,12 @@ _STAGES: Mapping[int, tuple[Stage, ...]] = {1: ("",), 2: ("as found", "as left")
 class Refused(UsageError):
     """No certificate is made, for these reasons; the command ends in `ExitCode.USAGE`."""
 
-    def __init__(self, runs: Sequence[Path], reasons: Sequence[str]) -> None:
+    def __init__(self, runs: Sequence[Path], reasons: Sequence[str], kept: str = "") -> None:
         self.reasons = tuple(dict.fromkeys(reasons))
         listed = "\n".join(f"- {one}" for one in self.reasons)
         names = " and ".join(map(str, runs))
         count = "1 reason" if len(self.reasons) == 1 else f"{len(self.reasons)} reasons"
-        super().__init__(f"no certificate is made of {names}; {count}:\n{listed}")
+        super().__init__(f"no certificate is made of {names}; {count}:\n{listed}" + (f"\n{kept}" if kept else ""))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +77,25 @@ def make(asked: CertificateRequest) -> Made:
     ]
     document = _document([one for one in runs if one is not None], asked, settings, given, reasons)
     if reasons or document is None:
-        raise Refused(asked.runs, reasons)
+        raise Refused(asked.runs, reasons, "" if asked.equipment else _of_kept([one for one in runs if one], reasons))
     return Made(document, settings, given.parent, tuple(one.budget for one in runs if one and one.budget))
+
+
+def _of_kept(runs: Sequence[CertifiedRun], reasons: Sequence[str]) -> str:
+    """That reasons are of the register as it was when a run began, and how another is taken; "" if none is."""
+    run = next((one for one in runs if one.register is not None), None)
+    if run is None or not any(DOCUMENT in one or "the register" in one for one in reasons):
+        return ""
+    own = (run.of.config.equipment if run.of else "") or DOCUMENT
+    places = [folder / own for folder in (Path(), *run.path.parents[:2])]
+    said = f"{DOCUMENT} and the register are those kept in {run.path} when it began"
+    file = next((one for one in places if one.is_file()), None)
+    if file is None:
+        return f"{said}: --equipment FILE takes a corrected one"
+    now = read_text(file, "equipment").strip() == (run.register or "").strip()
+    again = ", or make the dry run again" if run.dry else ""
+    do = f"correct {file}; then" if now else f"{file} is different now:"
+    return f"{said}; {do} --equipment {shell_word(file)} takes it{again}"
 
 
 def _document(

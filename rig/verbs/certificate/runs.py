@@ -202,8 +202,8 @@ def _of_budget(budget: RunBudget, settings: CertificateSettings, where: str, *, 
     yield from conformity.without_result(budget, settings, where)
     if not stated:
         return
-    for name in assembly.repeatability_only(budget):
-        yield f"{name}: its uncertainty is repeatability only; state the errors of its instruments in the register"
+    if said := assembly.repeatability_only(budget):
+        yield f"{said}; state the errors of the instruments in the register"
     yield from stopping(budget.unstated, budget.of.table.outputs, budget.of.table.factors, budget.of.stated.lacking)
 
 
