@@ -55,12 +55,13 @@ class New(Act, act="new", slow=True, brief=True):
     def carry_out(self, places: Places, by: Operator) -> Told:
         """Plan the files, and write them, or show them."""
         from rig.new.files import texts, write  # noqa: PLC0415 - loads all drivers
-        from rig.new.planned import planned  # noqa: PLC0415
+        from rig.new.planned import before_run, planned  # noqa: PLC0415
         from rig.new.questions import completed  # noqa: PLC0415
 
         folder = self._checked_folder(places)
         given = {key: value for key, value in self.answers.items() if value is not None}
-        files = texts(completed(located(given, places), "answers"))
+        answers = completed(located(given, places), "answers")
+        files = texts(answers)
         if needs_two_keys(places):
             files["bench.toml"] = f"{_TWO_KEYS}\n{files['bench.toml']}"
         digest = hashlib.sha256(json.dumps(files).encode()).hexdigest()
@@ -72,7 +73,8 @@ class New(Act, act="new", slow=True, brief=True):
             raise UsageError("these are not the files that were shown; look at them again")
         with places.laboratory.changing(f"rig new {shell_word(self.folder)}", by):
             write(folder, files)
-        return Told(f"{', '.join(files)} are written into {self.folder}", {"folder": self.folder, "sha256": digest})
+        said = f"{', '.join(files)} are written into {self.folder}"
+        return Told("; ".join([said, *before_run(answers)]), {"folder": self.folder, "sha256": digest})
 
     def _checked_folder(self, places: Places) -> Path:
         if not re.fullmatch(FOLDER, self.folder) or self.folder in FOLDERS:

@@ -68,9 +68,12 @@ def new(
 
 def _told(folder: Path, answers: dict[str, Any]) -> None:
     from rig.new.answers import UNKNOWN  # noqa: PLC0415
+    from rig.new.planned import before_run  # noqa: PLC0415
 
     if answers["model"] == UNKNOWN:
         err.print("no model was named: the straight line is taken; `rig trace RUN` says what it lacks")
+    for words in before_run(answers):
+        err.print(escape(words), soft_wrap=True)
     err.print(f"written into {escape(str(folder))}; next:")
     err.print(f"  cd {escape(shell_word(folder))}", soft_wrap=True)
     err.print("  rig run procedure.toml --bench bench.toml --dry --world world.toml", soft_wrap=True)

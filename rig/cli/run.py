@@ -37,6 +37,7 @@ from rig.procedures.present.durations import duration
 from rig.procedures.present.shell import shell_word
 from rig.procedures.present.terminal import show
 from rig.procedures.present.visible import visible
+from rig.register import DOCUMENT
 from rig.run_file.events.points import OVERSHOT, Observed
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.state import RunState, is_simulated, read_state
@@ -94,6 +95,11 @@ def run(
     plan.check_only(only)
 
     simulated = dry or plan.bench.simulated
+    if dry:
+        from rig.simulated.calendar import why  # noqa: PLC0415 - a real run never loads the simulation
+
+        if said := why(plan.truth, plan.bench, plan.documents.get(DOCUMENT)):
+            err.print(f"{mark(simulated)}it begins on {escape(said)}", soft_wrap=True, highlight=False)
     facts = RunFacts(None, "", plan.bench.name, plan.procedure.name, simulated)
     asked = Listening(log, log_format, notify, notify_file, dry=dry, strict=True)
     with listening(facts, asked, _warn) as listeners:

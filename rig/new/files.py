@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,7 @@ _ASSETS = {
     THERMOMETER: "TH-{:02d}",
 }
 _SOAKED_BY, _ROOM = 15.0, (0.0, 30.0)
+_READINGS = 5
 
 
 def texts(answers: Answers) -> dict[str, str]:
@@ -187,8 +189,7 @@ def _bench(answers: Answers) -> Iterator[str]:
     ]
     yield "# bench and sensors stand: they are checked before anything moves, and all the time."
     yield "[limits]"
-    for part, name in zip((SETS, CHAMBER), factors(answers), strict=False):
-        yield _line(name, _limits(answers, part, name))
+    yield from (_line(name, ends) for name, ends in limits(answers).items())
 
 
 def _instrument_lines(answers: Answers, part: str, number: int) -> Iterator[str]:
@@ -227,6 +228,11 @@ def _sensor_lines(answers: Answers) -> Iterator[str]:
         yield _line("reader", _instrument(answers, READS, number if several > 1 else 1))
         yield _line("channel", channel)
         yield _line("unit", unit)
+
+
+def limits(answers: Answers) -> dict[str, list[float]]:
+    """Limits of all that is set, proposed by the levels."""
+    return {n: _limits(answers, part, n) for part, n in zip((SETS, CHAMBER), factors(answers), strict=False)}
 
 
 def _limits(answers: Answers, part: str, name: str) -> list[float]:
@@ -276,7 +282,7 @@ def _procedure(answers: Answers) -> Iterator[str]:
     yield from ["", "[settle]"]
     yield _line("dwell_s", answers["dwell_s"], "a level stands for this long before it is read")
     yield from ["", "[measure]"]
-    yield _line("readings", 5, "their mean is the observation")
+    yield _line("readings", _READINGS, "their mean is the observation")
     yield from ["", "[model]"]
     if answers["model"] == UNKNOWN:
         yield "# No model was named: this is the straight line. `rig trace RUN` says what it lacks; write that here."
@@ -285,11 +291,13 @@ def _procedure(answers: Answers) -> Iterator[str]:
     if has_chamber(answers):
         yield _line("abscissa", inferred, "what is inferred from a reading")
     unit = spelled(answers["reads_in"])
+    scatter = float(f"{_noise(answers) / sqrt(_READINGS * (_reading_s(answers) or 1.0)):.2g}")
+    sigma = ", ".join(f"{one} = {scatter:g}" for one in _sensors(answers))
     yield from [
         "",
-        f"# [expect]                            # for `rig plan` alone: the scatter of one observation, in {unit}",
+        f"# [expect]                            # for `rig plan` alone: the scatter of one observation, in {unit};",
+        _beside(f"# sigma = {{ {sigma} }}", f"here as in {WORLD}, of {_READINGS} readings"),
     ]
-    yield f"# sigma = {{ {', '.join(f'{one} = {_noise(answers):g}' for one in _sensors(answers))} }}"
 
 
 def _register(answers: Answers) -> Iterator[str]:
@@ -305,7 +313,8 @@ def _register(answers: Answers) -> Iterator[str]:
         asset, unit = _asset(part, number), unit_of(quantity[part])
         yield from ["", f"[equipment.{asset}]"]
         yield _line("description", "set by hand" if _person(answers, part) else _NAMES[part])
-        yield from (_line(key, "") for key in ("maker", "model", "serial"))
+        named = instruments.make(answers[with_key(part)], known_options(part, answers))
+        yield from (_line(key, value) for key, value in zip(("maker", "model", "serial"), (*named, ""), strict=True))
         if (part == SETS and has_standard(answers)) or (part == CHAMBER and has_thermometer(answers)):
             by = "standard" if part == SETS else "thermometer"
             yield f"# It needs no certificate: the {by} reads what it makes."
@@ -371,11 +380,17 @@ def _world(answers: Answers) -> Iterator[str]:
     for sensor in _sensors(answers):
         yield from ["", _beside(f"[sensors.{sensor}]", f"in {spelled(answers['reads_in'])}")]
         yield _line("formula", f"{offset:g} + {slope:.4g}*{name}".replace("+ -", "- "))
-        yield _line("noise", _noise(answers))
+        yield _line("noise", _noise(answers), "standard deviation of a mean over 1 s")
         if has_chamber(answers) and sensor == _sensors(answers)[0]:
             yield _beside(
                 f'# hidden = "{0.001 * slope:.1g}*{name}*(chamber_degC - 25)"', "what your model does not have"
             )
+
+
+def _reading_s(answers: Answers) -> float:
+    """Seconds that one reading of a sensor takes; 0 if neither the answers nor the instrument's file say it."""
+    options = known_options(READS, answers)
+    return float(options.get("reading_s") or instruments.reading_s(answers[with_key(READS)]))
 
 
 def _noise(answers: Answers) -> float:

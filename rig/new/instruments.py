@@ -37,6 +37,7 @@ _TAKES: Mapping[str, tuple[type, ...]] = {
     CHAMBER: (Chamber, Source),
     THERMOMETER: (Reader,),
 }
+_MODEL = "MODEL"
 _READ = (READS, STANDARD, THERMOMETER)
 _NOTHING: Mapping[str, str] = {
     CHAMBER: "nothing: at the temperature of the room",
@@ -209,6 +210,21 @@ def _about(name: str) -> str:
     return (sys.modules[cls.__module__].__doc__ or name).strip().splitlines()[0].rstrip(".")
 
 
+def make(name: str, options: Mapping[str, Any]) -> tuple[str, str]:
+    """Maker and model of an instrument as they were said, or as its file has them; "" for what nobody said."""
+    table = getattr(driver(name), "table", None)
+    own = (table.maker, table.model[0] if len(table.model) == 1 else "") if table is not None else ("", "")
+    said = (str(options.get(key, "")) for key in ("maker", "model"))
+    maker, model = (one or other for one, other in zip(said, own, strict=True))
+    return maker, "" if model == _MODEL else model
+
+
+def reading_s(name: str) -> float:
+    """Seconds that one reading takes by the instrument's file; 0 if it says nothing."""
+    reader = getattr(getattr(driver(name), "table", None), "reader", None)
+    return float(reader.reading_s) if reader is not None else 0.0
+
+
 def named(part: str, given: Any, answers: Answers) -> str:
     """A driver, by its name, its number among the offered ones, or the path of its file. Raises `ValueError`."""
     there, name = offered(part, answers), str(given).strip()
@@ -241,7 +257,7 @@ def suggested(part: str, name: str, answers: Answers) -> dict[str, Any]:
         "high": high,
         "set": f"{word} {{value}}",
         "setpoint": f"{word}?",
-        "model": "MODEL",
+        "model": _MODEL,
         "on": "OUTP ON",
         "off": "OUTP OFF",
         "output": "OUTP?",

@@ -8,12 +8,22 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from rig.errors import RigError
-from rig.new.files import BENCH, PROCEDURE
+from rig.new.answers import Answers
+from rig.new.files import BENCH, PROCEDURE, REGISTER, limits
 from rig.procedures.present.blocks import Block, Line
 from rig.verbs.plan.result import Plan, of_certificate, plan
 
 if TYPE_CHECKING:
     from rig.engine.session import Progress
+
+
+def before_run(answers: Answers) -> list[str]:
+    """Sentences on what nobody was asked, and has to be seen to before a run."""
+    ends = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in limits(answers).items())
+    return [
+        f"the limits in {BENCH} are made of the levels ({ends}): set them to what bench and sensors stand",
+        f"for a certificate, fill in {REGISTER} before the run: a run keeps the register as it is when it begins",
+    ]
 
 
 def planned(files: Mapping[str, str], on_progress: Callable[[Progress], None]) -> tuple[Plan, list[Block]]:

@@ -144,6 +144,7 @@ def _range(given: Any, _: Answers) -> list[float]:
 
 
 _FULL = {"A": 0.02, "Hz": 1000.0, "ohm": 100.0}
+"""Outputs that are proposed for the largest value, by unit; 1 in others."""
 _MILLI = 20.0  # of strain gauges, or of a current loop
 
 
@@ -154,7 +155,8 @@ def _usually_read(answers: Answers) -> list[float]:
     if unit == unit_of(abscissa(answers)):
         return both
     top = max(map(abs, both))
-    return [float(f"{full * (0.01 + one / top):.4g}") for one in both]
+    rounded = ([float(f"{full * one / top:.{digits}g}") for one in both] for digits in range(1, 16))
+    return next((found for found in rounded if found[0] != found[1]), both)
 
 
 def _sensor(given: Any, answers: Answers) -> str:
@@ -283,7 +285,8 @@ QUESTIONS: tuple[Question, ...] = (
     ),
     Question(
         "reads_range", "What does it read at the lowest and the highest level?",
-        "about, the lowest level first: only the simulated bench needs it", _usually_read, lambda v, _: of.two(v),
+        "about, the lowest level first: only the simulated bench needs it; proposed are round numbers",
+        _usually_read, lambda v, _: of.two(v),
     ),
     Question(
         "reads_with", "With which instrument is it read?", "its name, or your own file ./NAME.toml",

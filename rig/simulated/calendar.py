@@ -20,6 +20,19 @@ def begins(truth: Mapping[str, Any], config: BenchConfig, register: str | None) 
     return datetime.fromtimestamp(world_for(plain(config), dated(truth, config, register)).utc(), UTC)
 
 
+def why(truth: Mapping[str, Any], config: BenchConfig, register: str | None) -> str:
+    """The simulated date of a dry run, and the reason for it; "" without a register, or if the world states the date.
+
+    Arguments as those of `dated`. Raises `rig.sims.physics.WorldError`.
+    """
+    if register is None or "epoch" in truth:
+        return ""
+    known = any(one.certificate is not None for one in parse_register(register, DOCUMENT).equipment.values())
+    valid = "a day on which the certificates of the register are valid"
+    usual = f"the usual date of dry runs, as {DOCUMENT} states no date of a certificate"
+    return f"{begins(truth, config, register).date()}: {valid if known else usual}"
+
+
 def dated(truth: Mapping[str, Any], config: BenchConfig, register: str | None) -> Mapping[str, Any]:
     """A world with an epoch: its own, or the usual one moved to a day on which all certificates of a bench are valid.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 
@@ -149,6 +150,58 @@ def test_every_option_that_stands_there_as_a_comment_can_be_used(tmp_path):
     assert "complete: 10 of 10 points" in done.stderr
 
 
+def test_the_last_lines_say_what_has_to_be_seen_to_before_a_run(tmp_path):
+    """A register that was filled after the run was not that of the run, and limits that nobody was asked for were not
+    mentioned.
+    """
+    told, _ = made(tmp_path, FLOW)
+    *_, limits, register, written, there, run = told.stderr.splitlines()
+    assert limits == (
+        "the limits in bench.toml are made of the levels (valve_V 0 to 10, chamber_degC 0 to 40): set them to what "
+        "bench and sensors stand"
+    )
+    assert register.startswith("for a certificate, fill in equipment.toml before the run: a run keeps the register as")
+    assert (written, there.strip(), run.split()[:2]) == ("written into lab; next:", "cd lab", ["rig", "run"])
+
+
+def test_the_register_has_the_models_that_were_said(tmp_path):
+    """Its models were empty, whatever had been answered."""
+    options = '[standard_options]\nmodel = "CMF010"\n[reads_options]\nmodel = "53220A"\n'
+    _, lab = made(tmp_path, FLOW + options)
+    own = tomllib.loads((lab / "equipment.toml").read_text())["equipment"]
+    assert {asset: (one["maker"], one["model"]) for asset, one in own.items()} == {
+        "SET-01": ("", ""),
+        "REF-01": ("", "CMF010"),
+        **{f"READ-0{k}": ("", "53220A") for k in range(1, 5)},
+        "CH-01": ("", ""),
+    }
+    (tmp_path / "one").mkdir()
+    _, lab = made(tmp_path / "one", ONE)
+    own = tomllib.loads((lab / "equipment.toml").read_text())["equipment"]
+    assert (own["SET-01"]["maker"], own["SET-01"]["model"]) == ("KEITHLEY INSTRUMENTS INC.", "MODEL 2400")
+    assert (own["READ-01"]["maker"], own["READ-01"]["model"]) == ("", "34401A")
+
+
+def test_the_scatter_that_a_plan_may_expect_is_that_of_an_observation_in_this_world(tmp_path):
+    """It was that of a mean over 1 s, and an observation is the mean of five readings of half a second."""
+    _, lab = made(tmp_path, FLOW)
+    text = (lab / "procedure.toml").read_text()
+    assert "scatter of one observation, in Hz;\n# sigma = { mfs_1 = 0.25, mfs_2 = 0.25," in text
+    assert "here as in world.toml, of 5 readings\n" in text
+    assert re.search(r"noise = 0\.4 +# standard deviation of a mean over 1 s\n", (lab / "world.toml").read_text())
+    done = rig("run", "procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml", cwd=lab)
+    (run,) = (lab / "runs").glob("*.sqlite")
+    sensors = json.loads(rig("fit", run, "--json", cwd=lab).stdout)["sensors"].values()
+    assert all(0.5 < one["sigma_subplot"] / 0.25 < 2.0 for one in sensors), done.stderr
+
+
+def test_numbers_are_proposed_that_a_person_would_say():
+    answers = completed(tomllib.loads(FLOW.replace("reads_range = [300, 4200]\n", "")), "given")
+    assert answers["reads_range"] == [100.0, 1000.0]
+    narrow = FLOW.replace("reads_range = [300, 4200]\n", "").replace("[0.5, 3.8]", "[3.7, 3.8]")
+    assert completed(tomllib.loads(narrow), "given")["reads_range"] == [970.0, 1000.0]
+
+
 def test_limits_are_no_wider_than_those_of_the_instrument(tmp_path):
     valve = """
 quantity = "valve"
@@ -185,17 +238,21 @@ def test_every_line_of_register_world_and_bench_can_be_used_when_its_mark_is_tak
     _, lab = made(tmp_path, ONE)
     path = lab / "equipment.toml"
     day = "a day on which the certificates of the register are valid"
-    assert day not in rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=lab).stdout  # it has none yet
+    told = " ".join(rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=lab).stdout.split())
+    assert day not in told
+    usual = "begins on 2026-01-15: the usual date of dry runs, as equipment.toml states no date of a certificate"
+    assert f"with --dry it {usual}" in told
+    run = ("run", "procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml", "--create-only")
+    assert f"SIMULATED it {usual}" in rig(*run, cwd=lab).stderr
     path.write_text("".join(line.removeprefix("# ") for line in path.read_text().splitlines(keepends=True)[2:]))
     path.write_text(path.read_text().replace("2027-01-31", "2999-01-31"))
     done = rig("plan", "procedure.toml", "--bench", "bench.toml", cwd=lab)
     assert done.returncode == 0, done.stderr
     assert day in done.stdout
     assert "the register states no error" not in done.stdout
-    done = rig(
-        "run", "procedure.toml", "--bench", "bench.toml", "--dry", "--world", "world.toml", "--create-only", cwd=lab
-    )
+    done = rig(*run, cwd=lab)
     assert done.returncode == 0, done.stderr
+    assert day in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -308,9 +365,9 @@ def test_a_chamber_reads_back_and_a_plan_says_where_nothing_does(tmp_path):
     ("given", "formula", "noise"),
     [
         (FLOW, "-290.9 + 1182*flow_kg_per_min", 0.4),
-        (FLOW.replace("reads_range = [300, 4200]\n", ""), "10.02 + 263.2*flow_kg_per_min", 0.09),
+        (FLOW.replace("reads_range = [300, 4200]\n", ""), "-36.36 + 272.7*flow_kg_per_min", 0.09),
         (ONE, "0 + 1*voltage_V", 0.001),
-        ("", "0.01 + 0.1*force_kN", 0.0001),
+        ("", "0 + 0.1*force_kN", 0.0001),
         (DIAL, "0 + 1*pressure_bar", 0.01),
         (DIAL + "reads_range = [9, 1]\n", "9 - 0.8*pressure_bar", 0.01),
     ],

@@ -29,7 +29,7 @@ from rig.procedures.plan.hand_steps import ALLOWANCE_H, HandStep
 from rig.procedures.present.blocks import Block, Grid, Line
 from rig.procedures.present.durations import duration
 from rig.procedures.tables.unused import known_unit_of
-from rig.register import DOCUMENT, parse_register
+from rig.register import DOCUMENT
 from rig.runs.forecast import ALLOWANCE, SOAK_ALLOWANCE, Forecast, rehearse
 from rig.runs.plans import Plan as Checked
 from rig.runs.plans import load_plan
@@ -148,16 +148,15 @@ class Plan(Result):
         return stops(self.checked, self.finish_latest.date())
 
     @property
-    def _dry_day(self) -> date | None:
-        """Day of a simulated night by the register; None without a certificate, or if dry or live."""
+    def _dry_day(self) -> str:
+        """Date of a dry run by the register, and why; "" without a register, or if this one is dry or live."""
         checked = self.checked
         text = checked.documents.get(DOCUMENT)
         if checked.dry or checked.bench.live is not None or text is None:
-            return None
-        from rig.simulated.calendar import begins  # noqa: PLC0415 - few plans have a register
+            return ""
+        from rig.simulated.calendar import why  # noqa: PLC0415 - few plans have a register
 
-        dated = any(one.certificate is not None for one in parse_register(text, DOCUMENT).equipment.values())
-        return begins({}, checked.bench, text).date() if dated else None
+        return why({}, checked.bench, text)
 
     @property
     def _limits(self) -> Mapping[str, tuple[float, float]]:
@@ -209,8 +208,8 @@ class Plan(Result):
         begun = f"a dry run in this world begins {_when(self.now)} and" if self.checked.dry else "started now, it"
         yield Line(f"  {begun} ends {_when(self.finish)} ({duration(found.total_s)}),")
         yield Line(f"  at the latest {_when(self.finish_latest)}")
-        if (day := self._dry_day) is not None:
-            yield Line(f"  with --dry it begins on {day}: a day on which the certificates of the register are valid")
+        if day := self._dry_day:
+            yield Line(f"  with --dry it begins on {day}")
         soaks = "" if found.soak_s is None else f", {duration(found.soak_s)} to set each whole plot"
         yield Line(
             f"  {found.point_s:.1f} s per point (sd {found.point_sd_s:.1f} s, {found.rehearsed} points rehearsed),"
