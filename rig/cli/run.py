@@ -44,7 +44,7 @@ from rig.run_file.state.state import RunState, is_simulated, read_state
 from rig.run_file.verify.verification import LOOP_SUFFIX
 from rig.runs.accepted import Acceptance
 from rig.runs.controller import Result, resume_run, start_run
-from rig.runs.plans import load_plan
+from rig.runs.plans import Plan, load_plan
 from rig.unattended import Listeners, RunFacts, ServiceManager
 
 _EXIT = {
@@ -95,11 +95,6 @@ def run(
     plan.check_only(only)
 
     simulated = dry or plan.bench.simulated
-    if dry:
-        from rig.simulated.calendar import why  # noqa: PLC0415 - a real run never loads the simulation
-
-        if said := why(plan.truth, plan.bench, plan.documents.get(DOCUMENT)):
-            err.print(f"{mark(simulated)}it begins on {escape(said)}", soft_wrap=True, highlight=False)
     facts = RunFacts(None, "", plan.bench.name, plan.procedure.name, simulated)
     asked = Listening(log, log_format, notify, notify_file, dry=dry, strict=True)
     with listening(facts, asked, _warn) as listeners:
@@ -107,6 +102,8 @@ def run(
         def announce(path: Path) -> None:
             with contextlib.suppress(OSError):  # output without a reader; the run is more important
                 print(path, flush=True)
+                if dry:
+                    _say_date(plan)
             listeners.opened(path, path.stem)
             if not create_only:
                 add_default_log(listeners, asked)
@@ -131,6 +128,14 @@ def run(
         code = conclude(result)
         listeners.ended(result.outcome, result.message, **remarks(code, result.state), head=result.head)
     return code
+
+
+def _say_date(plan: Plan) -> None:
+    """Say the simulated date of a dry run and why, where a register decides it."""
+    from rig.simulated.calendar import why  # noqa: PLC0415 - a real run never loads the simulation
+
+    if said := why(plan.truth, plan.bench, plan.documents.get(DOCUMENT)):
+        err.print(f"{mark(True)}it begins on {escape(said)}", soft_wrap=True, highlight=False)
 
 
 @app.command()
