@@ -86,7 +86,7 @@ def test_two_files_make_a_laboratory_whose_hard_factor_is_an_angle(tmp_path):
     procedure, bench, _ = written(tmp_path, PROCEDURE.replace("REPLICATIONS", "2"), BENCH, WORLD)
     told = rig("plan", procedure, "--bench", bench).stdout
     assert "12 points, 6 whole plots" in told
-    assert "s to set each whole plot" in told
+    assert "s to set each further one" in told
     path, result = run_dry(tmp_path, PROCEDURE.replace("REPLICATIONS", "2"), BENCH, WORLD)
     assert result.outcome is Outcome.COMPLETE, result.message
     with RunReader.open(path) as reader:

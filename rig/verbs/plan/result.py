@@ -210,7 +210,11 @@ class Plan(Result):
         yield Line(f"  at the latest {_when(self.finish_latest)}")
         if day := self._dry_day:
             yield Line(f"  with --dry it begins on {day}")
-        soaks = "" if found.soak_s is None else f", {duration(found.soak_s)} to set each whole plot"
+        soaks = (
+            ""
+            if found.soak_s is None
+            else f" with the first whole plot, {duration(found.soak_s)} to set each further one"
+        )
         yield Line(
             f"  {found.point_s:.1f} s per point (sd {found.point_sd_s:.1f} s, {found.rehearsed} points rehearsed),"
         )
@@ -259,12 +263,14 @@ class Plan(Result):
         people = playing(checked.bench, ByHand)
         for name, reach in checked.run_list.extremes().items():
             by_hand = checked.bench.factors.get(name) in people
-            values = checked.run_list.column(name) if by_hand else reach
-            low, high, how = min(values), max(values), "set by a person" if by_hand else "with overtravel"
+            asked = checked.run_list.column(name)
+            low, high = (min(asked), max(asked)) if by_hand else reach
+            beyond = low < min(asked) or high > max(asked)
+            how = ", set by a person" if by_hand else ", with overtravel" if beyond else ""
             allowed = self._limits.get(name)
             no_limit = "[yellow]no limit in the bench file[/]"
             shown = f"limits {allowed[0]:g} to {allowed[1]:g}: ok" if allowed else no_limit
-            yield Line(f"  {name} from {low:g} to {high:g}, {how}; {shown}")
+            yield Line(f"  {name} from {low:g} to {high:g}{how}; {shown}")
         yield from first_settings(checked)
         if self._without_limit:
             unlimited = ", ".join(self._without_limit)
