@@ -131,7 +131,7 @@ def test_from_nothing_to_a_signed_certificate_without_a_terminal(tmp_path: Path)
         assert "is issued" in ben.text, ben.text
         ben.goes("/results")
         ben.looks("results-signed")
-        assert list((lab / "certificates").glob("CAL-*.pdf"))
+        assert list((lab / "certificates").glob("SIM-CAL-*.pdf"))
         refused = ("a status of 409", "a status of 401")
         assert [one for one in page.complaints if not any(code in one for code in refused)] == []
 
