@@ -51,7 +51,7 @@ class DescribedSource(DeclaredSource, Described):
         settled: Question | None = Field(None, description="asks for a number with a bit that means settled")
         settled_bit: int = Field(0, ge=0, le=31, description="number of that bit, 0 for the lowest")
         tolerance: float | None = Field(
-            None, gt=0.0, description="without settled: largest distance of its reading from the setpoint"
+            None, gt=0.0, description="largest distance of its reading from the setpoint; with settled: then, too"
         )
         dwell_s: float = Field(1.0, ge=0.0, le=86400.0, description="minimum time that it has been so, or has been set")
         time_constant_s: float | None = Field(
@@ -73,10 +73,8 @@ class DescribedSource(DeclaredSource, Described):
                 raise ValueError("its safe state is missing: give on, off and output, or safe_value")
             if self.safe_value is not None and not self.low <= self.safe_value <= self.high:
                 raise ValueError(f"safe_value = {self.safe_value:g} is outside {self.low:g} to {self.high:g}")
-            if self.tolerance is not None and (self.read is None or self.settled is not None):
-                raise ValueError(
-                    "tolerance needs read, and no settled: it is how its reading tells that it has arrived"
-                )
+            if self.tolerance is not None and self.read is None:
+                raise ValueError("tolerance needs read: it is how its reading tells that it has arrived")
             if any("*RST" in line.upper() for line in self.prepare):
                 raise ValueError("prepare must not contain *RST: preparing changes no output; a run may be resumed")
             if self.readback < 0.5 * 10.0**-self.decimals * (1 - 1e-9):

@@ -16,7 +16,8 @@ WHERE = {
     "low": "lowest setpoint; in the manual: specifications, range",
     "high": "highest setpoint; in the manual: specifications, range",
     "set": "a command with {value}; in the manual: remote commands, setpoint",
-    "setpoint": "a question for the setpoint, so that it is read back; in the manual: remote commands, setpoint",
+    "setpoint": "a question for the setpoint, so that it is read back, or read with tolerance; in the manual: remote "
+    "commands, setpoint",
     "safe": "a safe state: off with output, or safe_value; in the manual: output, standby, control on and off, vent",
     "settled": "how it has arrived: settled, or read with tolerance, or dwell_s; in the manual: status, stability",
     "register": "number of the register; in the manual: Modbus parameters, address",

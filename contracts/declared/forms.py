@@ -235,6 +235,12 @@ class Form:
         return max((part.strip() for part in self.parts if isinstance(part, str)), key=len, default="")
 
 
+def step_of(printed: str) -> float:
+    """The step of the last digit of a printed number; 1 if it has no decimal point."""
+    mantissa, _, power = printed.replace(" ", "").upper().partition("E") if "." in printed else ("", "", "")
+    return 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
+
+
 def _field(name: str, spec: str, text: str) -> Field:
     found = _SPEC.fullmatch(spec)
     if found is None:

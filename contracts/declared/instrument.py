@@ -212,7 +212,8 @@ class Instrument(Strict):
                     yield f"source.{key} is missing: {WHERE[key]}"
             if not source.set:
                 yield f"source.set is missing: {WHERE['set']}"
-            if source.setpoint is None and not any(one.answer for one in source.set) and source.read is None:
+            compared = source.read is not None and (source.tolerance is not None or self.hook)
+            if source.setpoint is None and not any(one.answer for one in source.set) and not compared:
                 yield f"source.setpoint is missing: {WHERE['setpoint']}"
             if source.safe_value is None and not source.off:
                 yield f"source has no safe state: {WHERE['safe']}"
@@ -322,8 +323,8 @@ def _of_source(source: Source) -> Iterator[str]:
         yield "source.output is missing: on and off are read back by it; in the manual: output, status"
     if source.output is not None and not source.off:
         yield "source.off is missing: it belongs to output"
-    if source.tolerance is not None and (source.read is None or source.settled is not None):
-        yield "source.tolerance needs read, and no settled: it is how its reading tells that it has arrived"
+    if source.tolerance is not None and source.read is None:
+        yield "source.tolerance needs read: it is how its reading tells that it has arrived"
     if source.readback is not None and source.readback < source.step / 2 * (1 - 1e-9):
         yield f"source.readback = {source.readback:g} is less than half the step of set, {source.step:g}"
 

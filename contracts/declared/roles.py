@@ -78,7 +78,9 @@ class Source(Strict):
     safe_value: float | None = Field(None, description="setpoint of the safe state")
     hold: Tells = Field((), description="holds the present value; left out: it becomes the setpoint")
     settled: Ask | None = Field(None, description="asks whether it has arrived: words, or a bit")
-    tolerance: float | None = Field(None, gt=0, description="without settled: largest distance of reading and setpoint")
+    tolerance: float | None = Field(
+        None, gt=0, description="largest distance of reading and setpoint; with settled: then, too"
+    )
     dwell_s: float = Field(1.0, ge=0, le=86400, description="time that it has been so, or since it was set")
     time_constant_s: float | None = Field(None, gt=0, le=1e6, description="how it approaches a setting, for forecasts")
 

@@ -144,7 +144,8 @@ class DeclaredSource(Declared):
             return self._by_hook(setpoint, value)
         if source.settled is not None:
             found = self._talk.ask(source.settled)
-            return found.meaning in ("stable", "on") or (not found.meaning and found.printed in _ON)
+            near = source.tolerance is None or abs(value - setpoint) <= source.tolerance
+            return near and (found.meaning in ("stable", "on") or (not found.meaning and found.printed in _ON))
         if source.tolerance is None:
             return now - self._set_at >= source.dwell_s
         if abs(value - setpoint) > source.tolerance:

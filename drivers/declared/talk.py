@@ -110,7 +110,7 @@ class Talk(ABC):
         """Maximum bench seconds for this many characters on the wire."""
         return 0.0
 
-    def bad(self, ask: Ask, answer: object, expected: str) -> BadReply:
+    def bad(self, ask: Ask | Tell, answer: object, expected: str) -> BadReply:
         """The error for an answer that makes no sense."""
         return BadReply(f"{self.where} answered {answer!r} to {ask.said!r}; expected {expected}")
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Tell
-from rig.contracts.declared.forms import TEXTS, Form
+from rig.contracts.declared.forms import TEXTS, Form, step_of
 from rig.contracts.declared.instrument import Instrument
 from rig.contracts.declared.sums import Frame
 from rig.contracts.declared.units import same_unit
@@ -173,7 +173,7 @@ class TextTalk(Talk):
                 raise self.line.bad_reply(sent, first, "the line itself: it echoes")
         return " ".join(self._unframed(sent, one) for one in found)
 
-    def bad(self, ask: Ask, answer: object, expected: str) -> BadReply:
+    def bad(self, ask: Ask | Tell, answer: object, expected: str) -> BadReply:
         """The error for an answer that makes no sense; the line is synchronised before its next use."""
         return self.line.bad_reply(ask.said, answer, expected)
 
@@ -288,7 +288,7 @@ class TextTalk(Talk):
         except ValueError:
             raise self.bad(ask, text, f"a number as {field}") from None
 
-    def _same_unit(self, ask: Ask, raw: str, printed: str) -> None:
+    def _same_unit(self, ask: Ask | Tell, raw: str, printed: str) -> None:
         table = self.table
         declared = [part.unit for part in (table.reader, table.source) if part is not None and part.unit]
         if table.reader is not None:
@@ -301,15 +301,28 @@ class TextTalk(Talk):
         compiled = self._of(tell)
         line = compiled.fixed if compiled.fixed is not None else compiled.request.write(holes)
         if tell.answer:
-            raw = self._query(line, 1, None, compiled.frame, repeat=False)
-            if all(form.read(raw) is None for form in compiled.answers):
-                self._refused(line, raw)
-                raise self.line.bad_reply(line, raw, " or ".join(map(repr, tell.answer)))
+            self._acknowledged(tell, compiled, line, holes)
         else:
             self._write(line, compiled.frame)
         self.waits(tell)
         if checked:
             self.raise_errors(line)
+
+    def _acknowledged(self, tell: Tell, compiled: _Compiled, line: str, holes: Holes) -> None:
+        """Send a command that has an answer. Raises `InstrumentError`, `NoReply`, `BadReply`: it took another value."""
+        raw = self._query(line, 1, None, compiled.frame, repeat=False)
+        form, fields = next(((form, f) for form in compiled.answers if (f := form.read(raw)) is not None), (None, {}))
+        if form is None:
+            self._refused(line, raw)
+            raise self.line.bad_reply(line, raw, " or ".join(map(repr, tell.answer)))
+        if "unit" in fields:
+            self._same_unit(tell, raw, fields["unit"])
+        if "value" in fields and "value" in holes:
+            told = compiled.request.fields["value"]
+            sent = told.read(str(told.write(holes["value"])), signed=tell.signed)
+            took = form.fields["value"].read(fields["value"], signed=tell.signed)
+            if abs(took - sent) > step_of(fields["value"]) * 1.000001:  # it may print fewer digits than it was sent
+                raise self.line.bad_reply(line, raw, f"the value that it was told: it took {took:g} and not {sent:g}")
 
     def raise_errors(self, line: str = "") -> None:
         """Ask for errors. Raises `InstrumentError` with the first; the others are in its text."""

@@ -46,6 +46,13 @@ def fits(heard: bytes, sent: bytes) -> bool:
     return heard == sent
 
 
+def other_value(heard: bytes, sent: bytes) -> tuple[int, int] | None:
+    """The value that a device confirms, and the one that it was told, if they differ and nothing else does."""
+    if sent[1] != _WRITE_ONE or len(heard) != _ECHO_SIZE or heard != _summed(heard[:-2]) or heard[:4] != sent[:4]:
+        return None
+    return int.from_bytes(heard[4:6], "big", signed=True), int.from_bytes(sent[4:6], "big", signed=True)
+
+
 def ends_with_answer(heard: bytes, sent: bytes) -> bool:
     """Whether the last of these bytes are the answer to a request of `questions`, whatever came before."""
     if sent[1] == _LOOPBACK:  # no other request has this function, so a refusal of it is an answer too

@@ -21,7 +21,7 @@ from pymodbus.pdu.register_message import ReadHoldingRegistersResponse
 from rig.drivers.clock import Clock
 from rig.drivers.errors import BadReply, NoReply, Unreachable
 from rig.drivers.wires.addresses import ModbusAddress
-from rig.drivers.wires.modbus_rtu import OutOfStep, ends_with_answer, fits, questions
+from rig.drivers.wires.modbus_rtu import OutOfStep, ends_with_answer, fits, other_value, questions
 from rig.drivers.wires.modbus_transport import TcpTransport, Transport, open_transport, silence_s
 
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # it prints errors that we raise
@@ -168,6 +168,8 @@ class ModbusWire:
         if heard.startswith(sent):
             then = ", and then an answer" if len(heard) > len(sent) else ", and no answer"
             return f"that is an echo of the request itself{then}: switch the echo of the adapter or two-wire line off"
+        if self._rtu and (taken := other_value(heard, sent)) is not None:
+            return f"it confirms {taken[0]} where {taken[1]} was written: is that its limit?"
         if self._rtu or len(heard) < _HEAD.size or len(sent) < _HEAD.size:
             return ""
         number, zero, length, unit, function, _ = _HEAD.unpack_from(heard)

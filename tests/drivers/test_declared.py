@@ -207,7 +207,7 @@ class TestFiles:
         ("old", "new", "says"),
         [
             ("high = 150", "high = -30", "has to be below"),
-            ("tolerance = 0.05", 'tolerance = 0.05\nsettled = "S?"', "tolerance needs read, and no settled"),
+            ('read = "in_pv_00"', "", "tolerance needs read"),
             ('output = "in_mode_05"', "", "output is missing"),
             ('read = "in_pv_00"', 'read = { ask = "in_pv_00", words = { x = "fine" } }', "is 'fine'; known: stable"),
             ('read = "in_pv_00"', "read = { register = 4 }", "source.read has no line of text"),

@@ -32,6 +32,8 @@ def answer(request: bytes, *, loopback: str) -> bytes:
     unit, function, address, number = struct.unpack(">BBHH", request[:6])
     if function == 8:
         return {"echo": request, "refused": summed(bytes((unit, 0x88, 1))), "ignored": b""}[loopback]
+    if function == 6:
+        return request
     words = [WORDS.get(address + i, [0])[0] for i in range(number)]
     return summed(struct.pack(f">BBB{number}H", unit, function, 2 * number, *words))
 
@@ -164,3 +166,13 @@ def test_an_answer_is_whole_and_alone() -> None:
     write = framed(1, bytes.fromhex("10 0ade 0002 04 0000 41bc"))
     assert fits(summed(bytes.fromhex("01 10 0ade 0002")), write)
     assert not fits(summed(bytes.fromhex("01 10 0ade 0001")), write)
+
+
+def test_a_device_that_confirms_another_value_is_told_apart_from_a_wrong_baud_rate() -> None:
+    """A controller brings a setpoint to its limit, 9000, and says so in its answer."""
+
+    def mangle(send: Callable[[bytes], None], request: bytes, reply: bytes) -> None:
+        send(framed(request[0], request[1:4] + (9000).to_bytes(2, "big")) if request[1] == 6 else reply)
+
+    with behind_a_server(mangle) as line, pytest.raises(BadReply, match="it confirms 9000 where 12000 was written"):
+        line.write(SETPOINT, [12000])

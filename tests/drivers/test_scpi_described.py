@@ -280,7 +280,7 @@ def test_lines_keep_their_distance(bench):
         (DescribedSource, {"off": None}, "on, off and output belong together; here is only on and output"),
         (DescribedSource, {"on": None, "off": None, "output": None}, "its safe state is missing"),
         (DescribedSource, {"safe_value": 11}, "safe_value = 11 is outside -10 to 10"),
-        (DescribedSource, {"read": None}, "tolerance needs read, and no settled"),
+        (DescribedSource, {"read": None}, "tolerance needs read"),
         (DescribedSource, {"prepare": ["*RST"]}, r"prepare must not contain \*RST"),
         (DescribedSource, {"set": "VOLT {value} {value}"}, r"needs the placeholder \{value\} once"),
         (DescribedSource, {"decimals": 3}, "setpoints would be rounded further than it allows"),
