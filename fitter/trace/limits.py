@@ -42,7 +42,7 @@ TABLE = (
     ),
     Limit(
         "asked again",
-        (None, 0.05, 0.05),
+        (0.05, 0.05, 0.05),
         "1",
         "probability above which a shape is not tested against slower noise too",
     ),

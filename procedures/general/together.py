@@ -333,7 +333,7 @@ class GeneralTogether(Together):
                     continue
                 raw = np.zeros((len(self.sensors), len(self.rows), place.block.columns.shape[1]))
                 raw[self.sensors.index(output), self.fresh] = place.block.columns[fresh]
-                yield place.block.place, raw
+                yield place.text, raw
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
         """These runs with some of the observations only."""

@@ -120,12 +120,12 @@ class WholePlotTogether(Together):
         places inside whole plots where a trace looks for shapes without a name.
         """
         for place in places_of(self.scene):
-            if place.level != "subplot" or (lasting and not place.block.place.startswith("over the pressure")):
+            if place.level != "subplot" or (lasting and not place.text.startswith("over the pressure")):
                 continue
             for i in range(len(self.sensors)):
                 raw = np.zeros((len(self.sensors), len(self.data), place.block.columns.shape[1]))
                 raw[i] = place.block.columns * self.fresh[:, None]
-                yield place.block.place, raw
+                yield place.text, raw
 
     def only(self, rows: NDArray[np.bool_]) -> Self:
         """These runs with some of the observations only."""

@@ -17,8 +17,9 @@ def test_every_limit_stands_once_with_its_meaning():
 
 def test_kinds_read_their_column():
     """A name has to lead a shape without a name by odds of 20 to 1, but for whole plots."""
-    leads = [module.EARNED for module in (of_attitude, of_plots, of_tables)]
-    assert leads == [limit("lead of a name", kind) for kind in KINDS] == [3.0, 1.0, 3.0]
+    kinds = [module.UnmodelledSmooth.kind for module in (of_attitude, of_plots, of_tables)]
+    assert kinds == list(KINDS)
+    assert [limit("lead of a name", kind) for kind in kinds] == [3.0, 1.0, 3.0]
 
 
 def test_a_limit_that_a_kind_does_not_have_is_an_error():

@@ -16,17 +16,17 @@ from proving.truth.whole_plot import simulate as simulate_whole_plots
 from rig.fitter.trace.engine import family
 from rig.procedures.attitude.evaluate import AttitudeTraced
 from rig.procedures.attitude.trace import trace
-from rig.procedures.attitude.trace.drawn import axes_of as attitude_axes
 from rig.procedures.attitude.trace.places import between_replications
 from rig.procedures.attitude.trace.places import places_of as attitude_places
 from rig.procedures.general.column_roles import Roles
+from rig.procedures.general.effects.scene import Grouping, TableScene, Timeline
 from rig.procedures.general.evaluate import trace_general_table
+from rig.procedures.general.trace.places import places_of as table_places
 from rig.procedures.present.effects_shown import picture
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.evaluate import WholePlotTraced
 from rig.procedures.pressure.fitted import Declared
 from rig.procedures.pressure.trace import trace_whole_plots
-from rig.procedures.pressure.trace.drawn import axes_of as pressure_axes
 from rig.procedures.pressure.trace.places import places_of as pressure_places
 from rig.procedures.pressure.trace.run import scene_of
 from rig.procedures.tables.table import Table
@@ -164,18 +164,31 @@ def test_a_bump_at_one_pressure_is_drawn_there():
     assert shape["over"]["x"][strongest] == pytest.approx(2.5, abs=0.2)
 
 
-def test_every_place_of_an_attitude_run_can_be_drawn():
+def places_of_pitch_roll():
     data, _ = simulate(CLEAN, PLAN, 1)
     scene = trace(data, validate=False).scene
-    for place in (*attitude_places(scene), *between_replications(scene)):
-        axes = attitude_axes(scene, place.text, 0)
+    return {"replications": len(data), "points": len(data)}, (*attitude_places(scene), *between_replications(scene))
+
+
+def places_of_whole_plots():
+    data = simulate_whole_plots(seed=31)
+    return {"subplot": len(data), "whole-plot": data.whole_plots.size}, pressure_places(scene_of(data))
+
+
+def places_of_a_table():
+    n = np.arange(48)
+    sides = ("x_side", np.where(n % 2, 1.0, -1.0))
+    part = Grouping(tuple("abc"), n // 16)
+    time = Timeline("t_s", 60.0 * n, 1.0)
+    scene = TableScene({"x_mm": n % 12 * 1.0, "y_N": n % 5 * 1.0}, {"room_degC": np.cos(n)}, {"who": part}, time, sides)
+    return {"": len(n)}, table_places(scene, n // 8)
+
+
+@pytest.mark.parametrize("places_of", [places_of_pitch_roll, places_of_whole_plots, places_of_a_table])
+def test_every_place_can_be_drawn(places_of):
+    rows, places = places_of()
+    assert len(places) > 15
+    for place in places:
+        axes = place.axes(0)
         assert axes is not None, place.text
-        assert all(axis is None or axis.values.shape == (len(scene.data),) for axis in axes)
-
-
-def test_every_place_of_a_whole_plot_run_can_be_drawn():
-    scene = scene_of(simulate_whole_plots(seed=31))
-    for place in pressure_places(scene):
-        axes = pressure_axes(scene, place.block.place)
-        assert axes is not None, place.block.place
-        assert all(axis is None or axis.values.shape == (len(scene.data),) for axis in axes)
+        assert all(axis is None or axis.values.shape == (rows[place.level],) for axis in axes), place.text

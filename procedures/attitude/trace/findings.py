@@ -12,6 +12,7 @@ from rig.fitter.linear import orthonormal
 from rig.fitter.replication import Replication
 from rig.fitter.trace.aliases import Rival, separation
 from rig.fitter.trace.doubts import beside_a_wander, by_chance, error_rises
+from rig.fitter.trace.drawn import drawn, drawn_instead, drawn_period
 from rig.fitter.trace.found import Found, Unnamed, verdict
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import CLEAR
@@ -22,7 +23,6 @@ from rig.procedures.attitude.effects import Effect, separate
 from rig.procedures.attitude.effects.unnamed import NAMELESS
 from rig.procedures.attitude.fit import AttitudeFit
 from rig.procedures.attitude.model import attitude_columns
-from rig.procedures.attitude.trace.drawn import drawn, drawn_drift, drawn_instead, drawn_period, drawn_points
 from rig.procedures.attitude.trace.estimate import Estimate, concerns, predict
 from rig.procedures.attitude.trace.fine import turns_with
 from rig.procedures.attitude.trace.grid import same_on_grid
@@ -245,7 +245,7 @@ def _unnamed(problem: Problem, after: Estimate, unmodelled: UnmodelledSmooth, i:
         return ()
     between, within = (unmodelled.left_in(i, level) for level in LEVELS[1:])
     if table.bias.p < UNEXPLAINED:
-        shape = drawn_points(unmodelled, between, table.bias.p, i)
+        shape = unmodelled.drawn_points(between, table.bias.p, i)
         rest.append(replace(strongest_wave(problem, after.corrected[i]), shape=shape))
     elif between is not None and between.p < UNEXPLAINED:
         part = _part(table, between.remainder.share)
@@ -257,7 +257,7 @@ def _unnamed(problem: Problem, after: Estimate, unmodelled: UnmodelledSmooth, i:
     line = unmodelled.lines[i]
     if line is not None and line.p < CLEAR:
         rest.append(Unnamed(line.where, _part(table, line.share), shape=drawn_period(unmodelled, line, i)))
-    elif within is not None and within.p < UNEXPLAINED and not (problem.wander[i] > 0 and within.place.in_time):
+    elif within is not None and within.p < UNEXPLAINED and not (problem.wander[i] > 0 and within.place.timed):
         part = _part(table, within.remainder.share)
         rest.append(Unnamed(within.where, part, shape=drawn(unmodelled, within, i)))
     if problem.wander[i] > 0:
@@ -265,7 +265,7 @@ def _unnamed(problem: Problem, after: Estimate, unmodelled: UnmodelledSmooth, i:
         rest.append(Unnamed(walk, _walk_share(problem, i), stratum="noise"))
     elif table.drift.p < UNEXPLAINED:
         share = 1.0 - _pure_variance(table) / table.sigma_E**2
-        drift = drawn_drift(unmodelled, table.drift.p, i)
+        drift = unmodelled.drawn_drift(table.drift.p, i)
         rest.append(Unnamed("between replications: the parameters drift", float(np.clip(share, 0.0, 1.0)), shape=drift))
     return tuple(rest)
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.trace.flexible import Block, halves, orders_of, rough_turns, turns, waves
+from rig.fitter.arrays import FloatArray
+from rig.fitter.trace.flexible import halves, orders_of, rough_turns, turns, waves
 from rig.fitter.trace.latches import faded, latches
+from rig.fitter.trace.limits import limit
+from rig.fitter.trace.places import TRIED, Axes, Place, as_one, products, since
+from rig.fitter.trace.shape import Axis
 from rig.procedures.attitude.effects import Scene
 from rig.procedures.attitude.trace.levels import Level
 
@@ -18,8 +21,8 @@ PITCH, ROLL, TIME, TEMPERATURE, GRAVITY = 8, 6, 12, 5, 12
 """Maximum number of waves over each."""
 BOTH = 4
 """Maximum number of waves of pitch and of roll in their products."""
-ALONG_RUN, ALONG_REPLICATION = "along the run", "along each replication"
-ALONG_TIMES_GRAVITY = "along each replication, times gravity"
+FINE = int(limit("waves of a curve", "pitch-roll"))
+"""Waves of a curve that is drawn over one variable: more than are tested, and as smooth as is likeliest."""
 TIPPED = {
     "x": (1.0, 0.0, 0.0),
     "y": (0.0, 1.0, 0.0),
@@ -32,58 +35,19 @@ TIPPED = {
     "y - z": (0.0, 1.0, -1.0),
 }
 """Directions in the package along which something loose may tip."""
-AFTER_A_TIP = "after the last strong tip along "
 MEMORIES = (0.3, 4.0, 16.0)
 """How long the attitudes before are remembered, in usual times from row to row."""
-FADING = "after the attitudes before, as they fade"
 
 
-@dataclass(frozen=True, eq=False)
-class Place:
-    """A block of one sensor, or with one set of coefficients for all.
-
-    Its columns are made when they are used: those of all places would take 15 MB of 2,886 points.
-
-    Attributes:
-        text: in words: "over the pitch angle".
-        columns: makes (n, m) columns, the slowest first; for all sensors (S n, m), those of the first sensor first.
-        orders: numbers of columns that are tried together, ascending.
-        roughness: (m,) number of half waves of each.
-        level: level of its judgement.
-        sensor: its index; None for all.
-        count: number of sensors.
-        alternatives: number of places that differ only in a direction that is searched.
-
-    """
+class _Made(NamedTuple):
+    """A place before its columns are made: by sensor, unless it is of the package."""
 
     text: str
-    columns: Callable[[], FloatArray]
-    orders: tuple[int, ...]
-    roughness: FloatArray
-    level: Level
-    sensor: int | None
-    count: int
-    alternatives: int = 1
-
-    @classmethod
-    def of(cls, block: Block, level: Level, sensor: int | None, count: int) -> Place:
-        """The place of a block that is at hand."""
-        return cls(block.place, lambda: block.columns, block.orders, block.roughness, level, sensor, count)
-
-    @property
-    def block(self) -> Block:
-        """Its columns, made now."""
-        return Block(self.text, self.columns(), self.orders, self.roughness)
-
-    @property
-    def in_time(self) -> bool:
-        """Whether it is a smooth change of the offset, similar to a random walk."""
-        return self.text in (ALONG_RUN, ALONG_REPLICATION)
-
-    @property
-    def remembers(self) -> bool:
-        """Whether it is of the rows before, as hysteresis and settling are, wherever it is judged."""
-        return self.text == FADING or self.text.startswith(AFTER_A_TIP)
+    columns: Callable[[int], FloatArray]
+    rough: FloatArray
+    axes: Callable[[int], Axes | None]
+    finer: Callable[[int], FloatArray] | None = None
+    more: Mapping[str, Any] = {}
 
 
 def places_of(scene: Scene) -> tuple[Place, ...]:
@@ -94,87 +58,144 @@ def places_of(scene: Scene) -> tuple[Place, ...]:
         ("points", _within_points),
     )
     for level, make in makers:
-        made = make(scene)
-        tips = sum(place.startswith(AFTER_A_TIP) for place, _, _ in made)
-        for place, columns, rough in made:
-            each = [partial(columns, i) for i in range(count)]
+        tried = (*TRIED, 40) if level == "replications" else TRIED
+        for made in make(scene):
+            each = [partial(made.columns, i) for i in range(count)]
             at: list[tuple[int | None, Callable[[], FloatArray]]] = list(enumerate(each))
-            if place.startswith("package"):
-                at = [(None, partial(_of_all, each))]
+            if made.text.startswith("package"):
+                at = [(None, lambda each=each: np.concatenate([own() for own in each]))]  # type: ignore[misc]
             for i, own in at:
                 some = own()
-                orders = orders_of(some, (3, 6, 12, 40) if level == "replications" else (3, 6, 12))
-                alike = tips if place.startswith(AFTER_A_TIP) else 1
-                found.append(Place(place, own, orders, rough[: some.shape[1]], level, i, count, alike))
+                orders, rough = orders_of(some, tried), made.rough[: some.shape[1]]
+                finer = None if made.finer is None else partial(made.finer, i or 0)
+                found.append(Place(made.text, own, orders, rough, made.axes, level, i, finer, **made.more))
     return tuple(found)
-
-
-def _of_all(each: Sequence[Callable[[], FloatArray]]) -> FloatArray:
-    return np.concatenate([own() for own in each])
 
 
 def between_replications(scene: Scene) -> tuple[Place, ...]:
     """Offsets and sensitivities that differ from one replication to the next, without a course."""
     own = np.eye(scene.data.replicates.size)[scene.data.replicate_index]
-    found = []
+    over, found = _Over(scene), []
     for i, sensor in enumerate(scene.data.sensors):
         gain = _times(scene.along(sensor), own)
-        for text, columns in (("with an offset of each replication", own), ("with a sensitivity of each", gain)):
-            block = Block(text, columns, (columns.shape[1],), np.ones(columns.shape[1]))
-            found.append(Place.of(block, "points", i, len(scene.data.sensors)))
+        found += [
+            as_one("with an offset of each replication", own, over.only(over.number), level="points", sensor=i),
+            as_one("with a sensitivity of each", gain, over.with_gravity(over.number), level="points", sensor=i),
+        ]
     return tuple(found)
 
 
-_Made = tuple[str, Callable[[int], FloatArray], FloatArray]
+class _Over:
+    """What places of a run are drawn over."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, data = scene, scene.data
+        self.pitch = Axis("pitch_deg", "pitch", "deg", data.pitch_deg, settable=True)
+        self.roll = Axis("roll_deg", "roll", "deg", data.roll_deg, settable=True)
+        self.hours = Axis("elapsed_s", "bench time", "h", data.elapsed_s / 3600.0)
+        began = since(data.replicate_index, data.elapsed_s) / 3600.0
+        self.since = Axis("since_s", "time in the replication", "h", began)
+        number = data.replicates[data.replicate_index].astype(np.float64)
+        self.number = Axis("replicate", "replication", "", number)
+
+    def only(self, one: Axis, other: Axis | None = None) -> Callable[[int], Axes | None]:
+        """Over one variable or two, in any sensor."""
+        return lambda _i: (one, other)
+
+    def with_gravity(self, one: Axis) -> Callable[[int], Axes]:
+        """Over a variable and gravity along the sensor."""
+        return lambda i: (one, self.gravity(i))
+
+    def gravity(self, i: int) -> Axis:
+        """Along a sensor."""
+        along = self.scene.along(self.scene.data.sensors[i])
+        return Axis("gravity", "gravity along the sensor", "g", along, settable=True)
+
+    def moves(self) -> list[Axis]:
+        """Moves of the axes before each row, of those that move."""
+        data = self.scene.data
+        moves = [Axis("pitch_move_deg", "move of pitch before", "deg", data.pitch_deg - data.previous_pitch_deg, True)]
+        if self.scene.roll:
+            move = _wrapped(data.roll_deg - data.previous_roll_deg)
+            moves.append(Axis("roll_move_deg", "move of roll before", "deg", move, True))
+        return [one for one in moves if np.ptp(one.values) > 0]
 
 
 def _between_points(scene: Scene) -> list[_Made]:
-    data, sensors = scene.data, scene.data.sensors
+    data, sensors, over = scene.data, scene.data.sensors, _Over(scene)
     pitch, ones = waves(data.pitch_deg, PITCH), np.ones((len(data), 1))
     with_one = np.column_stack([ones, pitch])
     along = [waves(scene.along(s), GRAVITY) for s in sensors]
-    found: list[_Made] = [
-        ("over the pitch angle", lambda _i: pitch, halves(pitch)),
-        ("over gravity along the sensor", lambda i: along[i], halves(max(along, key=np.size))),
-        (
+    roll_axis = over.roll if scene.roll else None
+    found = [
+        _Made(
+            "over the pitch angle",
+            lambda _i: pitch,
+            halves(pitch),
+            over.only(over.pitch),
+            lambda _i: waves(data.pitch_deg, FINE),
+        ),
+        _Made(
+            "over gravity along the sensor",
+            lambda i: along[i],
+            halves(max(along, key=np.size)),
+            lambda i: (over.gravity(i), None),
+            lambda i: waves(scene.along(sensors[i]), FINE),
+        ),
+        _Made(
             "package: an error of pitch over the pitch angle",
             lambda i: _times(scene.per_pitch(sensors[i]), with_one),
             np.append(1.0, halves(pitch)),
+            over.only(over.pitch, roll_axis),
         ),
     ]
     if scene.roll:
-        roll, both = turns(data.roll_deg, ROLL), _products(waves(data.pitch_deg, BOTH), turns(data.roll_deg, BOTH))
+        roll, few = turns(data.roll_deg, ROLL), turns(data.roll_deg, BOTH)
+        some = waves(data.pitch_deg, BOTH)
+        both = products(some, few, (halves(some), rough_turns(few)))
         rough = rough_turns(roll)
         rolled = np.column_stack([ones, roll])
         found += [
-            ("over the roll angle", lambda _i: roll, rough),
-            (
+            _Made("over the roll angle", lambda _i: roll, rough, over.only(over.roll)),
+            _Made(
                 "package: an error of roll over the roll angle",
                 lambda i: _times(scene.per_roll(sensors[i]), rolled),
                 np.append(1.0, rough),
+                over.only(over.roll, over.pitch),
             ),
-            (
+            _Made(
                 "package: an error of pitch over the roll angle",
                 lambda i: _times(scene.per_pitch(sensors[i]), roll),
                 rough,
+                over.only(over.roll, over.pitch),
             ),
-            ("over pitch and roll", lambda _i: both[0], both[1]),
+            _Made("over pitch and roll", lambda _i: both[0], both[1], over.only(over.pitch, over.roll)),
         ]
-    return [*found, *_tipped(scene), *_faded(scene)]
+    return [*found, *_tipped(scene, over), *_faded(scene, over)]
 
 
-def _tipped(scene: Scene) -> Iterator[_Made]:
+def _tipped(scene: Scene, over: _Over) -> list[_Made]:
     """Latches of gravity along directions of the package, alone and times gravity along each sensor."""
     data = scene.data
-    executed, known = np.lexsort((data.order, data.replicate_index)), list[FloatArray]()
+    executed, known = np.lexsort((data.order, data.replicate_index)), dict[str, tuple[FloatArray, FloatArray]]()
     for text, axis in TIPPED.items():
-        state = latches(tipped(scene, axis), executed)
-        if np.any(state) and not any(np.array_equal(state, one) for one in known):
-            known.append(state)
-            yield AFTER_A_TIP + text, partial(_with_gravity, scene, state), np.ones(2 * state.shape[1])
+        along = np.asarray(scene.g @ (np.array(axis) / np.linalg.norm(axis)))
+        state = latches(along, executed)
+        if np.any(state) and not any(np.array_equal(state, one) for _, one in known.values()):
+            known[text] = along, state
+    return [
+        _Made(
+            f"after the last strong tip along {text}",
+            partial(_with_gravity, scene, state),
+            np.ones(2 * state.shape[1]),
+            over.with_gravity(Axis("gravity_along", f"gravity along {text}", "g", along, settable=True)),
+            more={"alternatives": len(known), "remembers": True},
+        )
+        for text, (along, state) in known.items()
+    ]
 
 
-def _faded(scene: Scene) -> Iterator[_Made]:
+def _faded(scene: Scene, over: _Over) -> Iterator[_Made]:
     """Gravity along the package's axes in rows before, less that of this row; and how far the axes moved before it."""
     data, executed = scene.data, np.lexsort((scene.data.order, scene.data.replicate_index))
     stretches = np.split(executed, np.flatnonzero(np.diff(data.replicate_index[executed])) + 1)
@@ -188,67 +209,64 @@ def _faded(scene: Scene) -> Iterator[_Made]:
     every = np.column_stack([scene.g, *(one / max(float(one.max()), 1.0) for one in moved)])
     each = [faded(every, data.elapsed_s, stretches, tau * usual) - every for tau in MEMORIES]
     columns = np.column_stack([each[0][:, :3], *each[1:]])
-    yield FADING, lambda _i: columns, np.ones(columns.shape[1])
-
-
-def tipped(scene: Scene, axis: tuple[float, float, float]) -> FloatArray:
-    """(n,) gravity along a direction in the package, in g."""
-    return np.asarray(scene.g @ (np.array(axis) / np.linalg.norm(axis)))
+    axes = (*over.moves(), None, None)[:2]
+    yield _Made(
+        "after the attitudes before, as they fade",
+        lambda _i: columns,
+        np.ones(columns.shape[1]),
+        lambda _i: None if axes[0] is None else (axes[0], axes[1]),
+        more={"remembers": True},
+    )
 
 
 def _within_points(scene: Scene) -> list[_Made]:
-    data, sensors, g = scene.data, scene.data.sensors, scene.g
+    data, sensors, g, over = scene.data, scene.data.sensors, scene.g, _Over(scene)
     time, ones = waves(data.elapsed_s, TIME), np.ones((len(data), 1))
-    since = waves(_since(data.replicate_index, data.elapsed_s), 6)
-    found: list[_Made] = [
-        (ALONG_RUN, lambda _i: time, halves(time)),
-        ("along the run, times gravity", lambda _i: _times3(g, time[:, :6]), np.repeat(halves(time[:, :6]), 3)),
-        (ALONG_REPLICATION, lambda _i: since, halves(since)),
-        (ALONG_TIMES_GRAVITY, lambda _i: _times3(g, since[:, :3]), np.repeat(halves(since[:, :3]), 3)),
-        (
+    began = waves(since(data.replicate_index, data.elapsed_s), 6)
+    in_time = {"timed": True}
+    found = [
+        _Made("along the run", lambda _i: time, halves(time), over.only(over.hours), more=in_time),
+        _times_gravity("along the run", g, time[:, :6], over.with_gravity(over.hours)),
+        _Made("along each replication", lambda _i: began, halves(began), over.only(over.since), more=in_time),
+        _times_gravity("along each replication", g, began[:, :3], over.with_gravity(over.since)),
+        _Made(
             "package: an error of pitch along the run",
             lambda i: _times(scene.per_pitch(sensors[i]), time),
             halves(time),
+            over.only(over.hours, over.pitch),
         ),
     ]
+    sides = [("pitch", over.pitch, data.pitch_side, waves(data.pitch_deg, 6))]
     if scene.roll:
         found.append(
-            (
+            _Made(
                 "package: an error of roll along the run",
                 lambda i: _times(scene.per_roll(sensors[i]), time),
                 halves(time),
+                over.only(over.hours, over.roll),
             )
         )
+        sides.append(("roll", over.roll, data.roll_side, turns(data.roll_deg, 4)))
     if scene.temperature_degC is not None and data.sensor_temperature_degC is not None:
         warm = waves(data.sensor_temperature_degC, TEMPERATURE)
+        axis = Axis("sensor_temperature_degC", "sensor temperature", "degC", data.sensor_temperature_degC, True)
         found += [
-            ("over the temperature", lambda _i: warm, halves(warm)),
-            (
-                "over the temperature, times gravity",
-                lambda _i: _times3(g, warm[:, :3]),
-                np.repeat(halves(warm[:, :3]), 3),
-            ),
+            _Made("over the temperature", lambda _i: warm, halves(warm), over.only(axis)),
+            _times_gravity("over the temperature", g, warm[:, :3], over.with_gravity(axis)),
         ]
-    sides = [("pitch", data.pitch_side, waves(data.pitch_deg, 6))]
-    if scene.roll:
-        sides.append(("roll", data.roll_side, turns(data.roll_deg, 4)))
-    for axis, side, smooth in sides:
+    for name, axis, side, some in sides:
         if np.ptp(side) > 0:
-            by = [ones, smooth, g]
-            rough = [np.ones(1), halves(smooth), np.ones(3)]
-            if scene.temperature_degC is not None:
-                by.append(scene.warmth()[:, None])
-                rough.append(np.ones(1))
-            both = _times(side.astype(np.float64), np.column_stack(by))
-            place = f"over the side from which {axis} was approached"
-            found.append((place, partial(_same, both), np.concatenate(rough)))
-    moves = [data.pitch_deg - data.previous_pitch_deg]
-    if scene.roll:
-        moves.append(_wrapped(data.roll_deg - data.previous_roll_deg))
-    moved = [waves(np.arcsinh(move), 5) for move in moves if np.ptp(move) > 0]
-    if moved:
-        both = np.column_stack(moved)
-        found.append(("over the move before", lambda _i: both, np.concatenate([halves(one) for one in moved])))
+            warmth = [] if scene.temperature_degC is None else [scene.warmth()[:, None]]
+            both = _times(side.astype(np.float64), np.column_stack([ones, some, g, *warmth]))
+            rough = np.concatenate([np.ones(1), halves(some), np.ones(3 + len(warmth))])
+            of = Axis(f"{name}_side", "side of approach", "", side.astype(np.float64), settable=True)
+            text = f"over the side from which {name} was approached"
+            found.append(_Made(text, partial(_same, both), rough, over.only(axis, of)))
+    moves = over.moves()
+    if moves:
+        moved = [waves(np.arcsinh(move.values), 5) for move in moves]
+        columns, rough = np.column_stack(moved), np.concatenate([halves(one) for one in moved])
+        found.append(_Made("over the move before", lambda _i: columns, rough, over.only(*moves)))
     return found
 
 
@@ -260,31 +278,17 @@ def _with_gravity(scene: Scene, state: FloatArray, i: int) -> FloatArray:
     return np.column_stack([state, _times(scene.along(scene.data.sensors[i]), state)])
 
 
-def _since(group: IntArray, values: FloatArray) -> FloatArray:
-    """(n,) values since the first of each group."""
-    first = np.full(int(group.max()) + 1, np.inf)
-    np.minimum.at(first, group, values)
-    return np.asarray(values - first[group])
-
-
 def _times(one: FloatArray, columns: FloatArray) -> FloatArray:
     return np.asarray(one[:, None] * columns)
 
 
-def _times3(g: FloatArray, columns: FloatArray) -> FloatArray:
+def _times_gravity(text: str, g: FloatArray, columns: FloatArray, axes: Callable[[int], Axes]) -> _Made:
     """(n, 3 m) products with the three components of gravity, the slowest wave first."""
-    return np.asarray((columns[:, :, None] * g[:, None, :]).reshape(len(g), -1))
 
+    def make(_i: int) -> FloatArray:
+        return np.asarray((columns[:, :, None] * g[:, None, :]).reshape(len(g), -1))
 
-def _products(one: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n, p q) products of columns, the slowest first, and their roughness."""
-    pairs = sorted((i + j // 2 + 1, i, j) for i in range(one.shape[1]) for j in range(other.shape[1]))
-    if not pairs:
-        return np.empty((one.shape[0], 0)), np.empty(0)
-    return (
-        np.column_stack([one[:, i] * other[:, j] for _, i, j in pairs]),
-        np.array([float(r) for r, _, _ in pairs]),
-    )
+    return _Made(f"{text}, times gravity", make, np.repeat(halves(columns), 3), axes)
 
 
 def _wrapped(angle_deg: FloatArray) -> FloatArray:

@@ -2,82 +2,79 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.constancy import ENDS, Change, change, products
-from rig.fitter.trace.exchange import exchanges, stands_in
-from rig.fitter.trace.flexible import waves
+from rig.fitter.trace.constancy import ENDS, products
+from rig.fitter.trace.constant import Coefficients, Instead
+from rig.fitter.trace.flexible import Block, waves
+from rig.fitter.trace.limits import limit
 from rig.fitter.trace.search import names_of
 from rig.procedures.general.trace.run import TableData
-from rig.procedures.general.trace.unmodelled import ASKED_AGAIN, UnmodelledSmooth
+from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
+ASKED_AGAIN = limit("asked again", "general")
 TO_A_LEVEL = 6
 """Rows in a level of a group, on average, from which on a coefficient is asked to be the same in all levels."""
 
 
-def changes(unmodelled: UnmodelledSmooth) -> dict[str, Change]:
-    """The clearest change of the coefficient of each name found."""
-    judge, chosen = unmodelled.judge, unmodelled.chosen
-    if not unmodelled.able or not chosen:
-        return {}
-    beside = judge.beside(chosen)
-    at, slow = beside.best, beside.slowest_of(np.ones(len(beside.reml), np.bool_))
-    variables, added = _variables(unmodelled.data), _added(unmodelled, at)
-    tested = len(names_of(judge.candidates, chosen))
-    out = {}
-    for name, own in added.items():
-        found: dict[str, list[float]] = {}
-        for block in products(own, variables):
-            p = unmodelled.p_of(block, at)
-            if p is not None and p * len(variables) * tested < ASKED_AGAIN and slow != at:
-                p = max(p, unmodelled.p_of(block, slow) or 0.0)
-            if p is not None:
-                found[block.place] = [p]
-        clearest = change(found)
-        if clearest is not None:
-            out[name] = clearest
-    return out
+class Constant(Coefficients):
+    """Names found in a table."""
 
+    def __init__(self, unmodelled: UnmodelledSmooth) -> None:
+        self.unmodelled = unmodelled
+        self.judge, self.chosen = unmodelled.judge, unmodelled.chosen
 
-def exchanged(unmodelled: UnmodelledSmooth) -> dict[str, str]:
-    """A sentence for each of two names of which one with a coefficient that changes does the work of both."""
-    judge, chosen = unmodelled.judge, unmodelled.chosen
-    names = names_of(judge.candidates, chosen)
-    if not unmodelled.able or len(names) < 2:
-        return {}
-    at = judge.beside(chosen).best
-    view, left = judge.view(at), unmodelled.left_under(at)
-    variance = float(left @ left) / max(left.size - view.taken(chosen).shape[1], 1)
-    variables, added = _variables(unmodelled.data), _added(unmodelled, at)
+    @property
+    def names(self) -> Sequence[str]:
+        """See `Coefficients`."""
+        return names_of(self.judge.candidates, self.chosen) if self.unmodelled.able else ()
 
-    def over(name: str, other: str) -> str | None:
-        theirs = [j for j in chosen if judge.candidates[j].effect.name == other]
-        taken = view.taken(tuple(j for j in chosen if j not in theirs))
+    @cached_property
+    def _variables(self) -> dict[str, FloatArray]:
+        return _variables(self.unmodelled.data)
+
+    def blocks(self, name: str) -> Iterable[tuple[None, Block]]:
+        """See `Coefficients`."""
+        return ((None, block) for block in products(self._added[name], self._variables))
+
+    def p(self, name: str, i: int | None, block: Block) -> float | None:
+        """See `Coefficients`; asked again under the slowest covariance that is plausible."""
+        at, slow = self.unmodelled.at
+        p = self.unmodelled.p_of(block, at)
+        if p is not None and p * len(self._variables) * len(self.names) < ASKED_AGAIN and slow != at:
+            return max(p, self.unmodelled.p_of(block, slow) or 0.0)
+        return p
+
+    def instead(self, other: str, i: int | None) -> Instead:
+        """See `Coefficients`."""
+        at, view = self.unmodelled.at[0], self.judge.view(self.unmodelled.at[0])
+        left, theirs = self.unmodelled.left_under(at), self.unmodelled.of(other)
+        variance = float(left @ left) / max(left.size - view.taken(self.chosen).shape[1], 1)
+        taken = view.taken(tuple(j for j in self.chosen if j not in theirs))
 
         def project(columns: FloatArray) -> FloatArray:
-            white = unmodelled.white(columns, at)
+            white = self.unmodelled.white(columns, at)
             return np.asarray(white - taken @ (taken.T @ white))
 
-        y = judge.white(at, chosen)
-        own = project(judge.problem.of(theirs))
-        return stands_in(y - taken @ (taken.T @ y), own, products(added[name], variables), project, variance)
+        y = self.judge.white(at, self.chosen)
+        return Instead(y - taken @ (taken.T @ y), project(self.judge.problem.of(theirs)), project, variance)
 
-    return exchanges(names, over)
-
-
-def _added(unmodelled: UnmodelledSmooth, at: int) -> dict[str, FloatArray]:
-    """(n,) what each name adds to the response."""
-    judge, chosen = unmodelled.judge, unmodelled.chosen
-    problem = judge.problem
-    model = unmodelled.white(problem.model(chosen), at)
-    gamma = np.linalg.lstsq(model, judge.white(at, chosen), rcond=1e-10)[0]
-    first, out = problem.declared.shape[1], dict[str, FloatArray]()
-    for j in chosen:
-        columns, name = judge.candidates[j].term.columns, judge.candidates[j].effect.name
-        own = columns @ gamma[first : first + columns.shape[1]]
-        out[name], first = out.get(name, 0.0) + own, first + columns.shape[1]
-    return out
+    @cached_property
+    def _added(self) -> dict[str, FloatArray]:
+        """(n,) what each name adds to the response."""
+        problem, at = self.judge.problem, self.unmodelled.at[0]
+        model = self.unmodelled.white(problem.model(self.chosen), at)
+        gamma = np.linalg.lstsq(model, self.judge.white(at, self.chosen), rcond=1e-10)[0]
+        first, out = problem.declared.shape[1], dict[str, FloatArray]()
+        for j in self.chosen:
+            columns, name = self.judge.candidates[j].term.columns, self.judge.candidates[j].effect.name
+            own = columns @ gamma[first : first + columns.shape[1]]
+            out[name], first = out.get(name, 0.0) + own, first + columns.shape[1]
+        return out
 
 
 def _variables(data: TableData) -> dict[str, FloatArray]:

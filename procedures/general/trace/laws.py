@@ -31,7 +31,7 @@ def other_laws(unmodelled: UnmodelledSmooth) -> dict[str, str]:
             for cost, effect in every
             if effect.name != name
             and (effect.source, effect.family, effect.columns) == (own[1].source, CURVES, own[1].columns)
-            and cost - own[0] < (0.0 if unmodelled.plain(name) else ALIKE)
+            and cost - own[0] < (0.0 if unmodelled.plain_name(name) else ALIKE)
         ]
         if near:
             first = min(near, key=lambda one: one[0])[1]

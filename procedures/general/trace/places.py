@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.trace.flexible import Block, halves, orders_of, rough_turns, turns, waves
+from rig.fitter.trace.flexible import orders_of, rough_turns, turns, waves
 from rig.fitter.trace.latches import latches
+from rig.fitter.trace.limits import limit
+from rig.fitter.trace.places import Axes, Place, as_one, centred, finer, products, since, smooth
+from rig.fitter.trace.shape import Axis
 from rig.procedures.general.effects.scene import Grouping, TableScene, at_levels, is_angle
 from rig.procedures.general.effects.time_columns import lagging
 
@@ -34,26 +38,8 @@ EVERY, CYCLES = 12, 6
 """Rows after which something may come again, at most, and how often it has to, at least."""
 PER_COLUMN = 4
 """Minimum number of rows for each column of a block."""
-
-
-@dataclass(frozen=True, eq=False)
-class Place:
-    """A block of columns over recorded quantities.
-
-    Attributes:
-        block: of columns (n, m).
-        variables: variables of the table in these columns.
-        curve: the variable of a curve; None for other shapes.
-        timed: whether it uses the order of rows.
-        alternatives: number of places that differ only in the level that is picked.
-
-    """
-
-    block: Block
-    variables: frozenset[str]
-    curve: str | None = None
-    timed: bool = False
-    alternatives: int = 1
+FINE = int(limit("waves of a curve", "general"))
+"""Waves of a curve that is drawn over one variable: more than are tested."""
 
 
 def places_of(scene: TableScene, group: IntArray | None) -> tuple[Place, ...]:
@@ -65,22 +51,46 @@ def places_of(scene: TableScene, group: IntArray | None) -> tuple[Place, ...]:
 
     """
     every = (*_over(scene), *_in_time(scene, group), *_of_sides(scene), *_of_groups(scene), *_of_pairs(scene))
-    return tuple(place for place in every if place.block.columns.shape[1])
+    return tuple(place for place in every if place.orders)
+
+
+def axes_over(scene: TableScene, *names: str) -> Callable[[int], Axes | None]:
+    """Makes what a place over variables of a table is drawn over; no more than two of them."""
+
+    def make(_i: int) -> Axes | None:
+        each = [Axis(name, name, "", values_of(scene, name), settable=name in scene.settings) for name in names[:2]]
+        return (each[0], each[1] if len(each) > 1 else None) if each else None
+
+    return make
+
+
+def values_of(scene: TableScene, name: str) -> FloatArray:
+    """(n,) of a setting, a covariate, the time, the direction, or the number of a group's level."""
+    if scene.time is not None and name == scene.time.name:
+        return scene.time.values
+    if scene.direction is not None and name == scene.direction[0]:
+        return scene.direction[1]
+    groups = {**scene.groups, **scene.labels}
+    return groups[name].index.astype(np.float64) if name in groups else scene.of(name)
+
+
+def _other(label: str, variable: str, values: FloatArray) -> Callable[[int], Axes]:
+    """Makes an axis of something derived from a setting."""
+    return lambda _i: (Axis(variable, label, "", values, settable=True), None)
 
 
 def _over(scene: TableScene) -> Iterator[Place]:
     for name, v in scene.variables.items():
         if is_angle(name, v):
             columns, rough = _angular(v, OVER // 2)
+            yield place_over(scene, f"over {name}", columns, (name,), rough, curve=name)
         else:
             columns = waves(at_levels(v) if name in scene.settings else v, _most(v, OVER))
-            rough = halves(columns)
-        yield _place(f"over {name}", columns, rough, {name}, curve=name)
+            yield place_over(scene, f"over {name}", columns, (name,), curve=name, finer=fine_of(v, columns))
         levels, index = np.unique(v, return_inverse=True)
         if 2 < len(levels) <= len(v) // 2 and name in scene.settings:
             own = (index[:, None] == np.arange(1, len(levels))).astype(np.float64)
-            block = Block(f"over {name}, each value by itself", own, (own.shape[1],), np.ones(own.shape[1]))
-            yield Place(block, frozenset({name}))
+            yield _as_one(scene, f"over {name}, each value by itself", own, name)
 
 
 def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
@@ -89,34 +99,36 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
         return
     t = time.values
     along = waves(t, _most(t, TIME))
-    yield _place(f"over {time.name}", along, halves(along), {time.name}, curve=time.name, timed=True)
+    yield place_over(
+        scene, f"over {time.name}", along, (time.name,), curve=time.name, timed=True, finer=fine_of(t, along)
+    )
     if time.presumed:
         return
     number = np.argsort(np.argsort(t, kind="stable"))
     for every in range(2, min(EVERY, len(t) // CYCLES) + 1):
         own = (number[:, None] % every == np.arange(1, every)).astype(np.float64)
-        block = Block(f"along the run, again after {every} rows", own, (every - 1,), np.ones(every - 1))
-        yield Place(block, frozenset({time.name}), timed=True)
+        yield _as_one(scene, f"along the run, again after {every} rows", own, time.name, timed=True)
     for name, v in scene.settings.items():
-        own = _centred(v)[:, None] * along[:, :BESIDE]
-        yield _place(f"over {time.name}, times {name}", own, halves(own), {time.name, name}, timed=True)
+        own = centred(v)[:, None] * along[:, :BESIDE]
+        yield place_over(scene, f"over {time.name}, times {name}", own, (time.name, name), timed=True)
     if group is not None and np.any(np.diff(t) > 0):
-        since = waves(_since(group, t), _most(t, BESIDE)) if np.ptp(_since(group, t)) > 0 else np.empty((len(t), 0))
-        yield _place(f"over {time.name} since each group's first row", since, halves(since), {time.name}, timed=True)
-    for name, since, turn in _turns(scene, group):
-        columns = waves(since, _most(t, BESIDE))
-        yield _place(f"over {time.name} since {name} changed", columns, halves(columns), {time.name, name}, timed=True)
+        start = since(group, t)
+        columns = waves(start, _most(t, BESIDE)) if np.ptp(start) > 0 else np.empty((len(t), 0))
+        axis = Axis(time.name, f"{time.name} since the group's first row", "", start)
+        text = f"over {time.name} since each group's first row"
+        yield replace(place_over(scene, text, columns, (time.name,), timed=True), axes=lambda _i: (axis, None))
+    for name, start, turn in _turns(scene, group):
+        columns = waves(start, _most(t, BESIDE))
+        yield place_over(scene, f"over {time.name} since {name} changed", columns, (time.name, name), timed=True)
         if turn[-1] > TURNS:
             continue
         own = (turn[:, None] == np.arange(1, int(turn.max()) + 1)).astype(np.float64)
         text = f"with an offset of its own from each change of {name} to the next"
-        block = Block(text, own, (own.shape[1],), np.ones(own.shape[1]))
-        yield Place(block, frozenset({time.name, name}), timed=True)
+        yield _as_one(scene, text, own, time.name, name, timed=True)
     for name, v in scene.variables.items():
         state = latches(v, np.arange(len(v)))
         if np.any(state):
-            block = Block(f"after the last extreme of {name}", state, (state.shape[1],), np.ones(state.shape[1]))
-            yield Place(block, frozenset({name}), timed=True)
+            yield _as_one(scene, f"after the last extreme of {name}", state, name, timed=True)
     yield from _of_changes(scene)
     gap = np.diff(t)
     for name, v in scene.settings.items():
@@ -125,15 +137,18 @@ def _in_time(scene: TableScene, group: IntArray | None) -> Iterator[Place]:
         move = np.diff(v, prepend=v[:1])
         scale = float(np.median(np.abs(move[move != 0]))) if np.any(move != 0) else 1.0
         moved = waves(np.arcsinh(move / scale), BESIDE) if np.ptp(move) > 0 else np.empty((len(v), 0))
-        yield _place(f"over the step of {name} before", moved, halves(moved), {name}, timed=True)
+        step = _other(f"step of {name} before", f"{name}_step", move)
+        text = f"over the step of {name} before"
+        yield replace(place_over(scene, text, moved, (name,), timed=True), axes=step)
         if len(v) >= 20:
             usual = float(np.median(gap[gap > 0]))
             constants = np.geomspace(0.5 * usual, float(np.ptp(t)) / 3.0, MEMORIES)
-            u, stood = _centred(v), scene.stood(name)
+            u, stood = centred(v), scene.stood(name)
             stood = stood and stood.on(0.5 * float(v.min() + v.max()), 0.5 * float(np.ptp(v)))
             own = np.column_stack([lagging(u, gap, tau, stood) - u for tau in constants])
-            block = Block(f"over earlier {name}", own, orders_of(own, (1, 2, MEMORIES)), np.ones(MEMORIES))
-            yield Place(block, frozenset({name}), timed=True)
+            before = _other(f"{name} of the row before", f"{name}_before", np.concatenate([v[:1], v[:-1]]))
+            orders, text = orders_of(own, (1, 2, MEMORIES)), f"over earlier {name}"
+            yield replace(_as_one(scene, text, own, name, timed=True), orders=orders, axes=before)
 
 
 def _of_changes(scene: TableScene) -> Iterator[Place]:
@@ -146,10 +161,10 @@ def _of_changes(scene: TableScene) -> Iterator[Place]:
     for name, v in kinds.items():
         just = _changes(v).astype(np.float64)
         if FEWEST_CHANGED <= just.sum() <= len(just) - FEWEST_CHANGED:
-            numbers = [_centred(of) for other, of in scene.variables.items() if other != name and np.ptp(of) > 0]
+            numbers = [centred(of) for other, of in scene.variables.items() if other != name and np.ptp(of) > 0]
             own = just[:, None] * np.column_stack([np.ones(len(just)), *numbers[:BESIDE]])
             text = f"in rows where {name} has just changed"
-            yield _place(text, own, np.ones(own.shape[1]), {name}, timed=True)
+            yield place_over(scene, text, own, (name,), np.ones(own.shape[1]), timed=True)
 
 
 def _turns(scene: TableScene, group: IntArray | None) -> Iterator[tuple[str, FloatArray, IntArray]]:
@@ -163,10 +178,10 @@ def _turns(scene: TableScene, group: IntArray | None) -> Iterator[tuple[str, Flo
         spell = np.cumsum(changed)
         if spell[-1] < FEWEST_CHANGES or len(spell) < STAYS * (spell[-1] + 1):
             continue
-        since = _since(spell, scene.time.values)
-        if np.ptp(since) > 0 and not any(np.array_equal(spell, one) for one in known):
+        start = since(spell, scene.time.values)
+        if np.ptp(start) > 0 and not any(np.array_equal(spell, one) for one in known):
             known.append(spell)
-            yield name, since, spell
+            yield name, start, spell
 
 
 def _changes(v: IntArray | FloatArray) -> IntArray:
@@ -180,7 +195,7 @@ def _of_sides(scene: TableScene) -> Iterator[Place]:
     side, sign = scene.direction
     for name, v in scene.variables.items():
         columns = sign[:, None] * np.column_stack([np.ones(len(v)), waves(v, _most(v, BESIDE))])
-        yield _place(f"over {side} and {name}", columns, halves(columns), {side, name})
+        yield place_over(scene, f"over {side} and {name}", columns, (name, side))
 
 
 def _of_groups(scene: TableScene) -> Iterator[Place]:
@@ -188,23 +203,20 @@ def _of_groups(scene: TableScene) -> Iterator[Place]:
         if g.declared or not 1 < len(g.levels) <= len(g.index) // 3:
             continue
         own = g.indicators[:, 1:]
-        yield Place(Block(f"over {name}", own, (own.shape[1],), np.ones(own.shape[1])), frozenset({name}))
+        yield _as_one(scene, f"over {name}", own, name)
         if scene.time is not None and not scene.time.presumed and len(g.levels) <= LEVELS:
-            yield from _of_practice(name, g)
+            yield from _of_practice(scene, name, g)
         for setting, v in scene.settings.items():
-            both = own * _centred(v)[:, None]
-            place = Block(f"over {name} and {setting}", both, (both.shape[1],), np.ones(both.shape[1]))
-            yield Place(place, frozenset({name, setting}))
+            yield _as_one(scene, f"over {name} and {setting}", own * centred(v)[:, None], setting, name)
 
 
-def _of_practice(name: str, g: Grouping) -> Iterator[Place]:
+def _of_practice(scene: TableScene, name: str, g: Grouping) -> Iterator[Place]:
     """Each level's offset, and one level that changes the more often it had its turn."""
     smooth = waves(practice(g.index), PRACTICE)
     for level, rows in zip(g.levels, g.indicators.T, strict=True):
         both = np.column_stack([g.indicators[:, 1:], rows[:, None] * smooth])
         text = f"over {name}, and over how often {level} had its turn before"
-        block = Block(text, both, (both.shape[1],), np.ones(both.shape[1]))
-        yield Place(block, frozenset({name}), timed=True, alternatives=len(g.levels))
+        yield _as_one(scene, text, both, name, timed=True, alternatives=len(g.levels))
 
 
 def practice(index: IntArray) -> FloatArray:
@@ -219,17 +231,30 @@ def _of_pairs(scene: TableScene) -> Iterator[Place]:
     for a, b in pairs[:PAIRS]:
         every = (at_levels(scene.of(name)) if name in scene.settings else scene.of(name) for name in (a, b))
         one, other = (waves(v, min(_most(v, BESIDE), BOTH)) for v in every)
-        steps = sorted((i + j + 1, i, j) for i in range(one.shape[1]) for j in range(other.shape[1]))
-        if steps and len(steps) * PER_COLUMN <= len(one):
-            columns = np.column_stack([one[:, i] * other[:, j] for _, i, j in steps])
-            rough = np.array([float(r) for r, _, _ in steps])
-            yield _place(f"over {a} and {b}", columns, rough, {a, b})
+        columns, rough = products(one, other)
+        if rough.size and rough.size * PER_COLUMN <= len(one):
+            yield place_over(scene, f"over {a} and {b}", columns, (a, b), rough)
 
 
-def _place(
-    text: str, columns: FloatArray, rough: FloatArray, names: set[str], *, curve: str | None = None, timed: bool = False
+def place_over(
+    scene: TableScene,
+    text: str,
+    columns: FloatArray,
+    names: tuple[str, ...],
+    rough: FloatArray | None = None,
+    **more: Any,
 ) -> Place:
-    return Place(Block(text, columns, orders_of(columns), rough), frozenset(names), curve, timed)
+    """A place of smooth columns (n, m) over variables of a table, by default waves; `more` are its attributes."""
+    return smooth(text, columns, axes_over(scene, *names), rough, variables=frozenset(names), **more)
+
+
+def _as_one(scene: TableScene, text: str, columns: FloatArray, *names: str, **more: Any) -> Place:
+    return as_one(text, columns, axes_over(scene, *names), variables=frozenset(names), **more)
+
+
+def fine_of(v: FloatArray, columns: FloatArray) -> Callable[[], FloatArray]:
+    """Makes more waves of a curve than are tested, as far as the rows tell them."""
+    return finer(v, max(min(FINE, v.size // PER_COLUMN), columns.shape[1]))
 
 
 def _most(v: FloatArray, wanted: int) -> int:
@@ -240,15 +265,3 @@ def _most(v: FloatArray, wanted: int) -> int:
 def _angular(v: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
     columns = turns(v, min(most, len(v) // (2 * PER_COLUMN)))
     return columns, rough_turns(columns)
-
-
-def _centred(v: FloatArray) -> FloatArray:
-    half = 0.5 * float(np.ptp(v))
-    return np.asarray((v - 0.5 * (v.min() + v.max())) / half if half > 0 else np.zeros_like(v))
-
-
-def _since(group: IntArray, t: FloatArray) -> FloatArray:
-    """(n,) time since the first row of each group."""
-    first = np.full(int(group.max()) + 1, np.inf)
-    np.minimum.at(first, group, t)
-    return np.asarray(t - first[group])

@@ -10,6 +10,7 @@ from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
+from rig.fitter.trace.drawn import drawn, drawn_period
 from rig.fitter.trace.engine.both import Both
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.noise import Wandering
@@ -18,10 +19,10 @@ from rig.fitter.trace.found import Unnamed
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import CLEAR, Line
 from rig.fitter.trace.shape import Shape
-from rig.procedures.general.trace.drawn import drawn, drawn_period
+from rig.fitter.trace.unmodelled import ResidualShape
 from rig.procedures.general.trace.parts import in_parts
 from rig.procedures.general.trace.smooth import Smooth, curve, offered
-from rig.procedures.general.trace.unmodelled import ResidualShape, UnmodelledSmooth
+from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
 UNEXPLAINED = limit("unexplained", "general")
 """Probability below which there is a remainder, over all tested places."""
@@ -82,9 +83,9 @@ def _at(unmodelled: UnmodelledSmooth, left: ResidualShape, variables: Mapping[st
     """The remainder at a place, with an available curve if it is over one variable."""
     place, share, name = left.place, left.remainder.share, left.place.curve
     if name is None or not curve(variables[name]).shape[1]:
-        return Unnamed(f"{place.block.place}{left.detail}", share, shape=drawn(unmodelled, left))
+        return Unnamed(f"{place.text}{left.detail}", share, shape=drawn(unmodelled, left))
     residual = unmodelled.left_under(0)
-    where = f"{place.block.place}{_most(variables[name], residual)}"
+    where = f"{place.text}{_most(variables[name], residual)}"
     smooth = _told(offered(unmodelled.judge, unmodelled.chosen, name, variables[name], share, where=where))
     return replace(smooth, shape=drawn(unmodelled, left))
 

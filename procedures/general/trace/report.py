@@ -12,6 +12,7 @@ from rig.fitter.effects.noise_names import AUTOCORRELATION
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import DELTA
 from rig.fitter.trace.doubts import MANY, beside_a_wander, beyond_chance, by_chance, several_causes
+from rig.fitter.trace.drawn import drawn_instead
 from rig.fitter.trace.engine.both import Both
 from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.judge import TableJudge
@@ -27,7 +28,6 @@ from rig.procedures.general.effects.of_others import GROUP_GAIN, GROUP_OFFSET
 from rig.procedures.general.effects.time_columns import lag, of_start
 from rig.procedures.general.swept import all_swept, functions_alike, swept_once
 from rig.procedures.general.trace.cross import SHARING, left_out
-from rig.procedures.general.trace.drawn import drawn_instead
 from rig.procedures.general.trace.estimate import Estimate, estimate, strata_of
 from rig.procedures.general.trace.few_plots import few_plots
 from rig.procedures.general.trace.few_rows import searched

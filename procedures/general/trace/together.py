@@ -11,10 +11,12 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.noise import Noise
-from rig.fitter.trace.flexible import Block, orders_of, waves
+from rig.fitter.trace.flexible import waves
 from rig.fitter.trace.jointly import PER_COLUMN, Jointly, Metric, jointly, polynomials, spread_evenly
 from rig.fitter.trace.limits import limit
-from rig.procedures.general.trace.places import Place
+from rig.fitter.trace.places import Place
+from rig.procedures.general.effects.scene import TableScene, is_angle
+from rig.procedures.general.trace.places import fine_of, place_over
 from rig.procedures.general.trace.run import TableData
 
 UNEXPLAINED = limit("unexplained", "general")
@@ -61,7 +63,7 @@ def together(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Tog
         return None
     best = min(found, key=lambda one: one.p)
     names = [list(known)[k] for k in best.of]
-    return _told(replace(best, p=best.p * len(weights)), {name: known[name] for name in names})
+    return _told(replace(best, p=best.p * len(weights)), {name: known[name] for name in names}, data.scene)
 
 
 def _asked(
@@ -78,23 +80,23 @@ def _asked(
     return worst
 
 
-def _told(found: Jointly, over: dict[str, FloatArray]) -> Together:
+def _told(found: Jointly, over: dict[str, FloatArray], scene: TableScene) -> Together:
     names = list(over)
     if found.degree:
         detail = f": polynomials of degree {found.degree} take up {100.0 * found.share:.0f} % of what is left"
     else:
         detail = ": readings whose settings are close to each other err alike, more finely than polynomials follow"
     if len(names) == 1:
-        columns = waves(over[names[0]], WAVES)
-        block = Block(f"over {names[0]}", columns, orders_of(columns), np.arange(1.0, columns.shape[1] + 1))
-        return Together(Place(block, frozenset(names), curve=names[0]), found.p, found.share, detail)
+        (name, v), *_ = over.items()
+        columns = waves(v, WAVES)
+        fine = None if is_angle(name, v) else fine_of(v, columns)
+        place = place_over(scene, f"over {name}", columns, (name,), curve=name, finer=fine)
+        return Together(place, found.p, found.share, detail)
     steps = polynomials(spread_evenly(np.column_stack(list(over.values()))), len(over[names[0]]) // PER_COLUMN)
     rough = np.repeat(np.arange(1.0, len(steps) + 1), [own.shape[1] for own in steps])
     text = f"over {', '.join(names[:-1])} and {names[-1]} together"
-    columns = np.hstack(steps)
-    return Together(
-        Place(Block(text, columns, orders_of(columns), rough), frozenset(names)), found.p, found.share, detail
-    )
+    place = place_over(scene, text, np.hstack(steps), tuple(names), rough)
+    return Together(place, found.p, found.share, detail)
 
 
 def _metric(judge: TableJudge, chosen: tuple[int, ...], sd: FloatArray, noise: Noise, at: int) -> Metric:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
@@ -12,40 +12,29 @@ import numpy as np
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.resolution import least_sd, resolution
 from rig.fitter.trace.aliases import DELTA
-from rig.fitter.trace.doubts import (
-    BUNDLE,
-    CHANGES,
-    DOUBT,
-    PERIODS,
-    bundle,
-    few_periods,
-    no_better,
-    several_values,
-    something_left,
-)
+from rig.fitter.trace.doubts import BUNDLE, CHANGES, DOUBT, PERIODS, few_periods, no_better, something_left
 from rig.fitter.trace.engine.both import Both
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.likelihood import Grid
 from rig.fitter.trace.engine.noise import Noise, Wandering
+from rig.fitter.trace.engine.problem import Candidate
 from rig.fitter.trace.fine_periods import fine_period
-from rig.fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, tried, turns
+from rig.fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, turns
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import Line, folded, line
+from rig.fitter.trace.places import Place
 from rig.fitter.trace.repeats import HARMONICS, ORDERS, repeats
-from rig.fitter.trace.search import names_of
+from rig.fitter.trace.shape import Name
 from rig.fitter.trace.two_levels import TwoLevels, two_levels
+from rig.fitter.trace.unmodelled import Group, Phase, ResidualShape, Seen, Unmodelled, nameless
 from rig.procedures.general.effects.scene import at_levels
-from rig.procedures.general.trace.places import Place, places_of
+from rig.procedures.general.trace.places import PER_COLUMN, axes_over, places_of
 from rig.procedures.general.trace.run import TableData, times_of
 from rig.procedures.general.trace.together import together
 
-ASKED_AGAIN = limit("asked again", "general")
-"""Probability above which a shape is not tested against slower noise too."""
 ALIKE = 2.0
 """Correlation of neighbours in standard errors, from which on two levels are searched."""
 EARNED = limit("lead of a name", "general")
-PLAIN = limit("lead of a plain name", "general")
-"""Minimum lead in nats of a name without a searched constant: a smooth curve begins with a line or a square."""
 RARE = ("fourth-order", "fifth-order", "logarithm", "reciprocal", "square-root", "ageing", "drift-second-order")
 """Kinds that need the same lead as kinds with a searched constant, because many functions are similar to them."""
 NEAR = 0.05
@@ -57,25 +46,7 @@ JUMPS = 7.0
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualShape:
-    """A shape that a residual still follows.
-
-    Attributes:
-        place: its place.
-        remainder: its part of the residual.
-        p: over all places and orders.
-        detail: more about it, in words behind its place.
-
-    """
-
-    place: Place
-    remainder: Remainder
-    p: float
-    detail: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class UnmodelledSmooth:
+class UnmodelledSmooth(Unmodelled):
     """A table with its findings.
 
     Attributes:
@@ -88,6 +59,14 @@ class UnmodelledSmooth:
     judge: TableJudge
     chosen: tuple[int, ...]
     data: TableData
+
+    kind = "general"
+    unit = ""
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """All candidates."""
+        return self.judge.candidates
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
@@ -102,7 +81,8 @@ class UnmodelledSmooth:
                 for k, name in ((2.0, "half"), (3.0, "a third of")):
                     own = term.profile.at(k * term.profile.value).columns
                     block = Block(f"over {effect.columns[0]} at {name} the period found", own, (2,), np.full(2, k))
-                    yield Place(block, frozenset(effect.columns))
+                    axes = axes_over(self.data.scene, *effect.columns)
+                    yield Place.of(block, axes, variables=frozenset(effect.columns))
 
     @cached_property
     def able(self) -> bool:
@@ -112,50 +92,79 @@ class UnmodelledSmooth:
         return float(left @ left) > view.rounding
 
     @cached_property
-    def left(self) -> tuple[ResidualShape, ...]:
-        """Places that the residual follows, the most significant first."""
-        judge = self.judge
-        if not self.able:
-            return ()
-        beside = judge.beside(self.chosen)
-        at, slow = beside.best, beside.slowest_of(np.ones(len(beside.reml), np.bool_))
-        count = self._tests(self.places)
-        found = []
-        for place in self.places:
-            for one in self._remainders(place.block, at):
-                p = one.p
-                if p * count < ASKED_AGAIN and slow != at:
-                    again = self._remainders(place.block, slow)
-                    p = max([p, *(other.p for other in again)])
-                found.append(ResidualShape(place, one, min(p * count, 1.0)))
-        return tuple(sorted((*found, *self._together()), key=lambda one: (one.p, -one.remainder.share)))
+    def at(self) -> tuple[int, int]:
+        """The likeliest covariance, and the slowest that is plausible."""
+        beside = self.judge.beside(self.chosen)
+        return beside.best, beside.slowest_of(np.ones(len(beside.reml), np.bool_))
 
-    def _together(self) -> Iterator[ResidualShape]:
-        """A shape of all recorded quantities jointly, if the residual follows one."""
-        one = together(self.judge, self.chosen, self.data)
+    def without(self, names: tuple[str, ...]) -> UnmodelledSmooth:
+        """See `Unmodelled`."""
+        return replace(self, chosen=self._without(names))
+
+    def seen(self, place: Place, i: int) -> Seen:
+        """See `Unmodelled`."""
+        return self._seen(self.at[0])
+
+    def _seen(self, at: int) -> Seen:
+        df = self.judge.problem.n - self.judge.view(at).taken(self.chosen).shape[1]
+        return Seen(self.left_under(at), df, partial(self.leave, at=at))
+
+    def plain(self, place: Place, i: int) -> tuple[FloatArray, FloatArray]:
+        """See `Unmodelled`: of independent rows."""
+        sd = self.judge.problem.sd
+        return self.left_under(0) * sd, self.leave(place.columns(), 0) * sd[:, None]
+
+    def held_against(self, place: Place, i: int, one: Remainder) -> float:
+        """See `Unmodelled`."""
+        at, slow = self.at
+        return 0.0 if slow == at else self.p_of(place.block, slow) or 0.0
+
+    def near(self, place: Place, i: int) -> Iterator[Name]:
+        """See `Unmodelled`: every candidate beside what was found."""
+        view = self.judge.view(self.at[0])
+        taken = view.taken(self.chosen)
+        columns = view.columns - taken @ (taken.T @ view.columns)
+        for j, one in enumerate(self.candidates):
+            if j not in self.chosen:
+                own = slice(int(view.start[j]), int(view.start[j + 1]))
+                yield one.effect.name, columns[:, own], view.length[own]
+
+    def stratum(self, place: Place) -> str:
+        """See `Unmodelled`."""
+        return "row"
+
+    def phase(self, found: Line, i: int) -> Phase | None:
+        """See `Unmodelled`."""
+        scene, left = self.data.scene, self.left_under(0)
+        if found.over:
+            return Phase(left, scene.of(found.over), found.period, found.unit)
+        if scene.time is None:
+            return None
+        if found.unit == "readings":
+            number = np.argsort(np.argsort(scene.time.values, kind="stable")).astype(np.float64)
+            return Phase(left, number, found.period, "rows")
+        return Phase(left, scene.time.values * (scene.time.unit_s or 1.0), found.period, "s")
+
+    @property
+    def harmonics(self) -> int:
+        """See `Unmodelled`."""
+        return min(super().harmonics, self.judge.problem.n // (2 * PER_COLUMN))
+
+    def _followed(self) -> Iterator[ResidualShape]:
+        yield from super()._followed()
+        one = together(self.judge, self.chosen, self.data)  # of all recorded quantities jointly
         if one is not None:
-            place, n = one.place.block.place, self.judge.problem.n
-            yield ResidualShape(
-                one.place,
-                Remainder(place, one.p, 0.0, 0, one.share, np.zeros(n), np.empty((n, 0))),
-                one.p,
-                one.detail,
-            )
+            n = self.judge.problem.n
+            none = Remainder(one.place.text, one.p, 0.0, 0, one.share, np.zeros(n), np.empty((n, 0)))
+            yield ResidualShape(one.place, none, one.p, one.place.text, 0, detail=one.detail)
 
     def p_of(self, block: Block, at: int) -> float | None:
         """P by chance of a block beside the model, under covariance `at`; None if nothing is left of it."""
         return next((one.p for one in self._remainders(block, at)), None)
 
     def _remainders(self, block: Block, at: int) -> list[Remainder]:
-        problem = self.judge.problem
-        taken = self.judge.view(at).taken(self.chosen)
-        df = problem.n - taken.shape[1]
-
-        def project(columns: FloatArray) -> FloatArray:
-            white = self.white(columns, at)
-            return np.asarray(white - taken @ (taken.T @ white))
-
-        return remainders(self.left_under(at), df, [block], project) if df > 2 else []
+        seen = self._seen(at)
+        return remainders(seen.y, seen.df, [block], seen.project) if seen.df > 2 else []
 
     def left_under(self, at: int) -> FloatArray:
         """(n,) residual, whitened by covariance `at`."""
@@ -232,8 +241,7 @@ class UnmodelledSmooth:
 
     def _noises(self) -> tuple[int, ...]:
         """Independent rows, the likeliest covariance, and the slowest that is plausible."""
-        beside = self.judge.beside(self.chosen)
-        return tuple(dict.fromkeys((0, beside.best, beside.slowest_of(np.ones(len(beside.reml), np.bool_)))))
+        return tuple(dict.fromkeys((0, *self.at)))
 
     @cached_property
     def jumps(self) -> TwoLevels | None:
@@ -265,52 +273,32 @@ class UnmodelledSmooth:
         every = Grid.of(noise.over(problem.sd), y, problem.model(self.chosen) / problem.sd[:, None])
         return float(every.beside().ml.max()) + 0.5 * problem.n * float(np.log(problem.n))
 
-    @cached_property
-    def doubts(self) -> dict[str, str]:
-        """Reasons for doubt about the names found, by name."""
-        if not self.able:
-            return {}
-        judge, candidates = self.judge, self.judge.candidates
-        names = tuple(names_of(candidates, self.chosen))
-        out: dict[str, str] = {}
-        for name in names:
-            effect = next(candidates[j].effect for j in self.chosen if candidates[j].effect.name == name)
-            own = set(effect.columns)
-            found = self._left_over(own)
-            if found is not None:
-                out[name] = something_left(found[0].place.block.place, found[1])
-            elif self.fine is not None and self.fine.p < CHANGES and self.fine.over in own:
-                out[name] = something_left(self.fine.where, self.fine.p)
-        jumping = self._timed(names)
+    def left_beside(self, name: str, group: Group) -> str | None:
+        """See `Unmodelled`."""
+        own = set(self.candidates[self.of(name)[0]].effect.columns)
+        found = self._left_over(own)
+        if found is not None:
+            return something_left(found[0].place.text, found[1])
+        fine = self.fine is not None and self.fine.p < CHANGES and self.fine.over in own
+        return something_left(self.fine.where, self.fine.p) if fine and self.fine is not None else None
+
+    def of_kind(self, group: Group) -> Iterator[tuple[Sequence[str], str]]:
+        """See `Unmodelled`: what goes with time may be jumps, a wander, or a wave that did not come back."""
+        jumping = self._timed(group.names)
         if jumping and self._jumps_beside(self._without(jumping), -EARNED) is not None:
-            out |= {name: no_better(jumping, "jumps between two levels along the run") for name in jumping}
-        for name in names:
-            ahead = judge.beats_wander(self.chosen, name) if name in jumping else None
-            if ahead is not None and ahead <= DELTA and name not in out:
-                out[name] = no_better((name,), "a slow wander along the run")
+            yield jumping, no_better(jumping, "jumps between two levels along the run")
+        for name in jumping:
+            ahead = self.judge.beats_wander(self.chosen, name)
+            if ahead is not None and ahead <= DELTA:
+                yield [name], no_better((name,), "a slow wander along the run")
         for j in self.chosen:
-            effect, profile = candidates[j].effect, candidates[j].term.profile
+            effect, profile = self.candidates[j].effect, self.candidates[j].term.profile
             if effect.family == "periodic" and effect.source == "time" and profile and profile.value < PERIODS:
-                out.setdefault(effect.name, few_periods(profile.value))
-        for name in names:
-            if (values := self._values_of(name)) > 1:
-                out.setdefault(name, several_values(values))
-            elif (knots := sum(candidates[j].effect.name == name for j in self._searched)) >= BUNDLE:
-                out.setdefault(name, several_values(knots))
-        for name, other in self._over_one_variable(names):
-            out.setdefault(name, bundle([name, other]))
-            out.setdefault(other, bundle([name, other]))
-        if len(names) >= BUNDLE:
-            out |= {name: bundle(names) for name in names if name not in out}
-        if len(names) > 1:
-            named, unmodelled, where = self.earned(names)
-            if named - unmodelled < EARNED:
-                out |= {name: no_better(names, where) for name in names if name not in out}
-        for name in names:
-            named, unmodelled, where = self.earned((name,))
-            if named - unmodelled < (PLAIN if self.plain(name) else EARNED) and name not in out:
-                out[name] = no_better((name,), where)
-        return out
+                yield [effect.name], few_periods(profile.value)
+
+    def plain_names(self, names: Sequence[str]) -> bool:
+        """See `Unmodelled`: a smooth curve begins with a line or a square."""
+        return len(names) == 1 and self.plain_name(names[0])
 
     @property
     def _searched(self) -> tuple[int, ...]:
@@ -318,28 +306,27 @@ class UnmodelledSmooth:
         every = self.judge.candidates
         return tuple(j for j in self.chosen if every[j].term.profile and every[j].effect.family != "periodic")
 
-    def _values_of(self, name: str) -> int:
-        """Number of values of the period searched for it; two and three times one frequency are its harmonics."""
-        mine = [self.judge.candidates[j] for j in self.chosen if self.judge.candidates[j].effect.name == name]
+    def values_of(self, name: str) -> int:
+        """Number of values of a searched constant; two and three times one frequency are its harmonics."""
+        mine = [self.candidates[j] for j in self.of(name)]
         found = sorted(c.term.profile.value for c in mine if c.effect.family == "periodic" and c.term.profile)
-        return sum(not any(_harmonic(v, first) for first in found[:i]) for i, v in enumerate(found))
+        count = sum(not any(_harmonic(v, first) for first in found[:i]) for i, v in enumerate(found))
+        knots = sum(self.candidates[j].effect.name == name for j in self._searched)
+        return count if count > 1 else knots if knots >= BUNDLE else 0
 
-    def _over_one_variable(self, names: Sequence[str]) -> Iterator[tuple[str, str]]:
+    def over_one(self, group: Group) -> Iterator[tuple[str, str]]:
         """Pairs of effects of the same columns, unless both are plain: with a searched constant they take any shape."""
-        columns = {self.judge.candidates[j].effect.name: self.judge.candidates[j].effect.columns for j in self.chosen}
-        for one, other in combinations(names, 2):
-            if set(columns[one]) == set(columns[other]) and not (self.plain(one) and self.plain(other)):
+        columns = {self.candidates[j].effect.name: set(self.candidates[j].effect.columns) for j in self.chosen}
+        for one, other in combinations(group.names, 2):
+            if columns[one] == columns[other] and not (self.plain_name(one) and self.plain_name(other)):
                 yield one, other
 
     def _left_over(self, variables: set[str]) -> tuple[ResidualShape, float] | None:
         """The most significant remainder over variables of an effect, with its p over such places, if it is a doubt."""
-        every, own = self._tests(self.places), self._tests(p for p in self.places if p.variables & variables)
+        own = sum(len(place.orders) for place in self.places if place.variables & variables)
         found = next((x for x in self.left if x.place.variables & variables), None)
-        p = 1.0 if found is None else found.p * own / max(every, 1)
+        p = 1.0 if found is None else found.p * own / max(self.tests, 1)
         return (found, p) if found is not None and found.p < 1.0 and p < DOUBT else None
-
-    def _tests(self, places: Iterable[Place]) -> int:
-        return tried(place.block for place in places)
 
     def _timed(self, names: Sequence[str]) -> tuple[str, ...]:
         """Effects that follow the time or a covariate: random jumps may look like them."""
@@ -349,34 +336,30 @@ class UnmodelledSmooth:
     def _without(self, names: Sequence[str]) -> tuple[int, ...]:
         return tuple(j for j in self.chosen if self.judge.candidates[j].effect.name not in names)
 
-    def plain(self, name: str) -> bool:
+    def plain_name(self, name: str) -> bool:
         """Whether it is a line, a square, a cube or levels, without a searched constant or a rare function."""
         own = [c for c in self.judge.candidates if c.effect.name == name]
         return own[0].effect.kind.name not in RARE and all(c.term.profile is None for c in own)
 
-    def earned(self, names: Sequence[str]) -> tuple[float, float, str]:
-        """Evidence for effects found, in nats; the best one for a shape without a name; and the place of this shape."""
-        judge, candidates = self.judge, self.judge.candidates
-        mine = [j for j in self.chosen if candidates[j].effect.name in names]
-        rest = tuple(j for j in self.chosen if j not in mine)
-        at = judge.beside(self.chosen).best
-        view, taken = judge.view(at), judge.view(at).taken(rest)
+    def earned(self, names: Sequence[str], group: Group) -> tuple[float, float, str]:
+        """See `Unmodelled`."""
+        judge, at = self.judge, self.at[0]
+        mine = [j for j in self.chosen if self.candidates[j].effect.name in names]
+        view = judge.view(at)
+        taken = view.taken(tuple(j for j in self.chosen if j not in mine))
         left = self.left_under(at)
         df = max(left.size - view.taken(self.chosen).shape[1], 1)
         sigma = float(np.sqrt(left @ left / df))
         y = judge.white(at, self.chosen)
         y = (y - taken @ (taken.T @ y)) / sigma
-        picked = (view.picked([j for j in mine if candidates[j].effect.name == name]) for name in names)
-        own = (view.columns[:, some] for some in picked)
+        own = (view.columns[:, view.picked([j for j in mine if self.candidates[j].effect.name == n])] for n in names)
         named = evidence_of(y, (some - taken @ (taken.T @ some) for some in own)) - sum(map(self._price, names))
-        kinds, best, where = sum(1.0 / place.alternatives for place in self.places), -np.inf, ""
-        for place in self.places:
-            columns = self.white(place.block.columns, at)
-            columns = columns - taken @ (taken.T @ columns)
-            total = evidence(y, columns, place.block.roughness) - float(np.log(kinds * place.alternatives))
-            if total > best:
-                best, where = total, place.block.place
-        return float(named), float(best), where
+
+        def weighed(place: Place, i: int) -> float:
+            columns = self.white(place.columns(), at)
+            return evidence(y, columns - taken @ (taken.T @ columns), place.roughness)
+
+        return float(named), *nameless([[(place, 0)] for place in self.places], weighed)
 
     def _price(self, name: str) -> float:
         """Price in nats of the selection of this name, and of its searched constant."""

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from functools import cached_property, partial
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.constancy import ENDS, Change, change, changing, products
-from rig.fitter.trace.exchange import exchanges, stands_in
+from rig.fitter.trace.constancy import ENDS, products
+from rig.fitter.trace.constant import Coefficients, Instead
 from rig.fitter.trace.flexible import Block, remainders, waves
+from rig.fitter.trace.limits import limit
 from rig.procedures.pressure.effects.scene import PressureScene
-from rig.procedures.pressure.trace.unmodelled import LOOKED_AT, UnmodelledSmooth
+from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 
+LOOKED_AT = limit("asked again", "whole-plot")
 OF_PLOTS = ("with the transducer's temperature", "with the electronics' temperature", "along the run")
 """Variables of whole plots: a coefficient that changes with them looks like a sensitivity that each plot draws anew."""
 
 
-class Constant:
+class Constant(Coefficients):
     """Names found within whole plots, and what they add to each transducer.
 
     Args:
@@ -31,61 +34,49 @@ class Constant:
         every = (j for j in unmodelled.chosen if problem.judged_at[j] == "subplot")
         self.inside = [j for j in every if not problem.candidates[j].effect.of_noise] if unmodelled.able else []
 
-    @cached_property
-    def doubts(self) -> dict[str, str]:
-        """Reasons for doubt by name."""
-        return {**self._exchanged(), **changing(self.changes)}
+    @property
+    def names(self) -> Sequence[str]:
+        """See `Coefficients`."""
+        return tuple(dict.fromkeys(self.unmodelled.candidates[j].effect.name for j in self.inside))
 
-    @cached_property
-    def changes(self) -> dict[str, Change]:
-        """The clearest change of the coefficient of each name, over all transducers that have it."""
-        problem, view = self.unmodelled.problem, self.unmodelled.view("subplot")
-        out = {}
-        for name in self._names(range(len(problem.sensors))):
-            found: dict[str, list[float]] = {}
-            for i in range(len(problem.sensors)):
-                for block in self._blocks(name, i):
-                    for one in remainders(view.outputs[i], int(view.df[i]), [block], partial(view.project, i=i)):
-                        p = one.p
-                        if p < LOOKED_AT and block.place in OF_PLOTS:
-                            p = max(p, self.unmodelled.among_slopes(i, one.basis))
-                        found.setdefault(block.place, []).append(p)
-            clearest = change(found)
-            if clearest is not None:
-                out[name] = clearest
-        return out
+    def together(self) -> range:
+        """See `Coefficients`: each transducer."""
+        return range(len(self.unmodelled.problem.sensors))
 
-    def _exchanged(self) -> dict[str, str]:
-        """Names of which one with a coefficient that changes does the work of both."""
-        problem, out = self.unmodelled.problem, dict[str, str]()
-        sigma = self.unmodelled.view("subplot").sigma
-        for i in range(len(problem.sensors)):
+    def blocks(self, name: str) -> Iterable[tuple[int, Block]]:
+        """See `Coefficients`."""
+        return ((i, block) for i in self.together() for block in self.products(name, i))
 
-            def over(name: str, other: str, i: int = i) -> str | None:
-                theirs = self._mine(other, i)
-                rest = tuple(j for j in self.unmodelled.chosen if j not in theirs)
-                view = self.unmodelled.white.view("subplot", rest, sigma)
-                own, blocks = view.of(theirs, [i]), self._blocks(name, i)
-                return stands_in(view.outputs[i], own, blocks, partial(view.project, i=i), 1.0)
+    def products(self, name: str, i: int | None) -> list[Block]:
+        """See `Coefficients`."""
+        mine = self._mine(name, i or 0)
+        added = self.unmodelled.problem.raw[i or 0][:, mine] @ np.array([self._values[j] for j in mine])
+        return products(added, self._variables) if np.any(added) else []
 
-            out = exchanges(self._names([i]), over) | out
-        return out
+    def shared(self, name: str, other: str, i: int | None) -> bool:
+        """See `Coefficients`."""
+        return bool(self._mine(name, i or 0) and self._mine(other, i or 0))
 
-    def _names(self, sensors: range | list[int]) -> list[str]:
-        """Names found in some transducers."""
-        found = dict.fromkeys(self.unmodelled.problem.candidates[j].effect.name for j in self.inside)
-        return [name for name in found if any(self._mine(name, i) for i in sensors)]
+    def instead(self, other: str, i: int | None) -> Instead:
+        """See `Coefficients`."""
+        run, theirs, at = self.unmodelled, self._mine(other, i or 0), i or 0
+        rest = tuple(j for j in run.chosen if j not in theirs)
+        view = run.white.view("subplot", rest, run.view("subplot").sigma)
+        return Instead(view.outputs[at], view.of(theirs, [at]), partial(view.project, i=at), 1.0)
+
+    def p(self, name: str, i: int | None, block: Block) -> float | None:
+        """See `Coefficients`."""
+        view, at = self.unmodelled.view("subplot"), i or 0
+        left = remainders(view.outputs[at], int(view.df[at]), [block], partial(view.project, i=at))
+        if not left:
+            return None
+        asked = left[0].p < LOOKED_AT and block.place in OF_PLOTS
+        return max(left[0].p, self.unmodelled.among_slopes(at, left[0].basis)) if asked else left[0].p
 
     def _mine(self, name: str, i: int) -> list[int]:
         problem = self.unmodelled.problem
         own = ((j, problem.candidates[j]) for j in self.inside)
         return [j for j, c in own if c.effect.name == name and c.sensor in (None, problem.sensors[i])]
-
-    def _blocks(self, name: str, i: int) -> list[Block]:
-        """The contribution of a name to a transducer, times each variable."""
-        mine = self._mine(name, i)
-        added = self.unmodelled.problem.raw[i][:, mine] @ np.array([self._values[j] for j in mine])
-        return products(added, self._variables) if np.any(added) else []
 
     @cached_property
     def _values(self) -> dict[int, float]:

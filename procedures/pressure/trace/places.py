@@ -3,41 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.engine.beside import Level
-from rig.fitter.trace.flexible import Block, halves, orders_of, waves
+from rig.fitter.trace.flexible import halves, waves
 from rig.fitter.trace.latches import latches
+from rig.fitter.trace.limits import limit
+from rig.fitter.trace.places import Place, centred, finer, products, smooth
+from rig.fitter.trace.shape import Axis
 from rig.procedures.pressure.effects.scene import PressureScene
 
 PRESSURE, TEMPERATURE, TIME = 10, 5, 8
 """Maximum number of waves over each."""
+FEW, FEWER = 6, 2
+"""Waves of the pressure and of a temperature in their products."""
 REMEMBERED_H = (0.03, 0.3)
 """Time constants of elements that lag behind the pressure: the remainder of the last step, and of several."""
 WITHIN = (2, 4, 8, 12)
 BETWEEN = (1, 2, 4)
 """Tried orders of blocks."""
-
-
-@dataclass(frozen=True, eq=False)
-class Place:
-    """A block at a level.
-
-    Attributes:
-        block: its columns are (n, m).
-        level: level of its judgement.
-        line: whether it may be an error of the pressure too, with one set of coefficients, in psi, for all transducers.
-        slopes: whether it is a shape of sensitivities, which may be new in each whole plot.
-
-    """
-
-    block: Block
-    level: Level
-    line: bool = False
-    slopes: bool = False
+FINE = int(limit("waves of a curve", "whole-plot"))
+"""Waves of a curve that is drawn over the pressure."""
 
 
 def places_of(scene: PressureScene) -> tuple[Place, ...]:
@@ -45,88 +33,109 @@ def places_of(scene: PressureScene) -> tuple[Place, ...]:
     return (*_within(scene), *_between(scene))
 
 
+def _temperatures(scene: PressureScene) -> tuple[tuple[str, Axis, Axis], ...]:
+    """Words of each temperature, what is drawn over it, and over its step before the whole plot."""
+    data = scene.data
+    sensor, sse = data.sensor_temperature_degC, data.sse_temperature_degC
+    return (
+        (
+            "the transducer's temperature",
+            Axis("sensor_temperature_degC", "transducer's temperature", "degC", sensor, settable=True),
+            Axis("sensor_step_degC", "step of the transducer's temperature", "degC", scene.step(sensor), True),
+        ),
+        (
+            "the electronics' temperature",
+            Axis("sse_temperature_degC", "electronics' temperature", "degC", sse, settable=True),
+            Axis("sse_step_degC", "step of the electronics' temperature", "degC", scene.step(sse), True),
+        ),
+    )
+
+
 def _within(scene: PressureScene) -> Iterator[Place]:
     data, ones = scene.data, np.ones((len(scene.data), 1))
+    over, each = _place(scene, "subplot"), _temperatures(scene)
+    pressure = Axis("pressure_psia", "pressure", "psia", data.pressure_psia, settable=True)
+    since_axis = Axis("since_s", "time in the whole plot", "h", scene.since_h)
     p = scene.p / max(float(np.max(np.abs(scene.p))), np.finfo(float).tiny)
     low = waves(np.sqrt(np.maximum(p, 0.0)), PRESSURE)
-    sensor, sse = (waves(v, TEMPERATURE) for v in (data.sensor_temperature_degC, data.sse_temperature_degC))
+    sensor, sse = (waves(axis.values, TEMPERATURE) for _, axis, _ in each)
     slope = p[:, None]
-    yield _place("over the pressure", "subplot", (low, halves(low)), line=True)
-    yield _place("over the pressure, times the transducer's temperature", "subplot", _products(low, sensor), line=True)
-    yield _place("over the pressure, times the electronics' temperature", "subplot", _products(low, sse), line=True)
-    for text, of in (("the transducer's temperature", sensor), ("the electronics' temperature", sse)):
-        yield _place(f"with the sensitivity, over {text}", "subplot", (slope * of, halves(of)), slopes=True)
-    side = data.pressure_side.astype(np.float64)[:, None]
+    yield over("over the pressure", low, pressure, finer=finer(np.sqrt(np.maximum(scene.p, 0.0)), FINE))
+    for (text, axis, _), of in zip(each, (sensor, sse), strict=True):
+        both, rough = products(low[:, :FEW], of[:, :FEWER])
+        yield over(f"over the pressure, times {text}", both, pressure, axis, rough)
+    for (text, axis, _), of in zip(each, (sensor, sse), strict=True):
+        yield over(f"with the sensitivity, over {text}", slope * of, pressure, axis, slopes=True)
+    side = data.pressure_side.astype(np.float64)
     by = np.column_stack([ones, low[:, :4], sensor[:, :2], sse[:, :1], p[:, None] * sensor[:, :1]])
-    rough = np.array(
-        [1.0, *range(1, low[:, :4].shape[1] + 1), *(1.0 for _ in range(by.shape[1] - 1 - low[:, :4].shape[1]))]
-    )
-    yield _place("over the side from which a pressure was reached", "subplot", (side * by, rough))
+    rough = np.ones(by.shape[1])
+    rough[1 : 1 + low[:, :4].shape[1]] = halves(low[:, :4])
+    approach = Axis("pressure_side", "side of approach", "", side, settable=True)
+    yield over("over the side from which a pressure was reached", side[:, None] * by, pressure, approach, rough)
     change = scene.change_psia
+    step = Axis("pressure_change_psia", "change of the pressure", "psi", change, settable=True)
     moved = np.column_stack([change, *(scene.behind(tau) for tau in REMEMBERED_H), waves(change, 4), np.abs(change)])
-    yield _place("after the pressures before", "subplot", (moved, np.ones(moved.shape[1])), line=True)
+    yield over("after the pressures before", moved, step, rough=np.ones(moved.shape[1]))
     state = latches(scene.p, np.argsort(data.order, kind="stable"))
     if np.any(state):
-        yield _place("after the last extreme of the pressure", "subplot", (state, np.ones(state.shape[1])), line=True)
+        yield over("after the last extreme of the pressure", state, pressure, step, np.ones(state.shape[1]))
     since = waves(scene.since_h, TIME)
-    yield _place("along each whole plot", "subplot", (since, halves(since)), line=True)
-    yield _place("along each whole plot, times the pressure", "subplot", (slope * since, halves(since)), line=True)
-    for text, of in (
-        ("the transducer's temperature", data.sensor_temperature_degC),
-        ("the electronics' temperature", data.sse_temperature_degC),
-    ):
-        step, few = scene.step(of)[:, None] / max(float(np.ptp(of)), np.finfo(float).tiny), since[:, :4]
-        both = np.column_stack([step * few, step * slope, step * slope * few])
+    yield over("along each whole plot", since, since_axis)
+    yield over("along each whole plot, times the pressure", slope * since, since_axis, pressure)
+    for text, axis, moves in each:
+        of, few = moves.values[:, None] / max(float(np.ptp(axis.values)), np.finfo(float).tiny), since[:, :4]
+        both = np.column_stack([of * few, of * slope, of * slope * few])
         rough = np.concatenate([halves(few), [1.0], halves(few)])
-        yield _place(f"along each whole plot, times the step of {text} before it", "subplot", (both, rough))
-    ended = _centred(scene.ended_psia)[:, None] * since[:, :4]
-    text = "along each whole plot, times the pressure at which the one before ended"
-    yield _place(text, "subplot", (ended, halves(ended)))
+        yield over(f"along each whole plot, times the step of {text} before it", both, since_axis, moves, rough)
+    ended = Axis("ended_psia", "pressure with which the whole plot before ended", "psia", scene.ended_psia, True)
+    columns = centred(scene.ended_psia)[:, None] * since[:, :4]
+    yield over("along each whole plot, times the pressure at which the one before ended", columns, since_axis, ended)
     time = waves(scene.hours, TIME)
-    yield _place("with the sensitivity, along the run", "subplot", (slope * time, halves(time)), line=True, slopes=True)
+    yield over("with the sensitivity, along the run", slope * time, _hours(scene), pressure, slopes=True)
 
 
 def _between(scene: PressureScene) -> Iterator[Place]:
-    data = scene.data
-    sensor, sse = (waves(v, TEMPERATURE) for v in map(_coarse, (scene.sensor, scene.sse)))
-    yield _place("over the transducer's temperature", "whole-plot", (sensor, halves(sensor)))
-    yield _place("over the electronics' temperature", "whole-plot", (sse, halves(sse)))
-    yield _place("over both temperatures", "whole-plot", _products(sensor[:, :3], sse[:, :3]))
-    time = waves(scene.hours, TIME)
-    yield _place("along the run", "whole-plot", (time, halves(time)), line=True)
-    for text, of in (
-        ("the transducer's temperatures", data.sensor_temperature_degC),
-        ("the electronics' temperatures", data.sse_temperature_degC),
-    ):
-        step = scene.step(of)
-        before = np.column_stack(
-            [step, *(scene.displaced(of, side, tau) for tau in (4.0, 24.0) for side in (-1.0, 1.0))]
-        )
-        yield _place(f"after {text} before", "whole-plot", (before, np.ones(before.shape[1])))
+    over, each = _place(scene, "whole-plot"), _temperatures(scene)
+    sensor, sse = (waves(np.round(v), TEMPERATURE) for v in (scene.sensor, scene.sse))  # readbacks scatter
+    for (text, axis, _), of in zip(each, (sensor, sse), strict=True):
+        yield over(f"over {text}", of, axis)
+    both, rough = products(sensor[:, :3], sse[:, :FEWER])
+    yield over("over both temperatures", both, each[0][1], each[1][1], rough)
+    yield over("along the run", waves(scene.hours, TIME), _hours(scene))
+    for text, axis, moves in each:
+        sides = (scene.displaced(axis.values, side, tau) for tau in (4.0, 24.0) for side in (-1.0, 1.0))
+        before = np.column_stack([moves.values, *sides])
+        yield over(f"after {text}s before", before, moves, rough=np.ones(before.shape[1]))
 
 
-def _place(
-    text: str, level: Level, made: tuple[FloatArray, FloatArray], *, line: bool = False, slopes: bool = False
+def _hours(scene: PressureScene) -> Axis:
+    return Axis("elapsed_s", "bench time", "h", scene.hours)
+
+
+def _place(scene: PressureScene, level: str) -> partial[Place]:
+    return partial(_at, scene, level)
+
+
+def _at(
+    scene: PressureScene,
+    level: str,
+    text: str,
+    columns: FloatArray,
+    over: Axis,
+    beside: Axis | None = None,
+    rough: FloatArray | None = None,
+    **more: object,
 ) -> Place:
-    columns, rough = made
-    orders = orders_of(columns, WITHIN if level == "subplot" else BETWEEN)
-    return Place(Block(text, columns, orders, rough), level, line, slopes)
+    """A place of readings, or of whole plots; those are drawn over their means."""
+    index = scene.data.whole_plot_index
 
+    def mean(axis: Axis | None) -> Axis | None:
+        if axis is None or level == "subplot":
+            return axis
+        values = np.round(np.bincount(index, axis.values) / np.bincount(index), 1)
+        return Axis(axis.variable, axis.label, axis.unit, values, axis.settable)
 
-def _coarse(values: FloatArray) -> FloatArray:
-    """(n,) rounded to a degree: the scatter of readbacks does not make another temperature."""
-    return np.asarray(np.round(values))
+    def axes(_i: int) -> tuple[Axis, Axis | None]:
+        return mean(over) or over, mean(beside)
 
-
-def _centred(values: FloatArray) -> FloatArray:
-    """(n,) between -1 and 1; zero where it is constant."""
-    half = 0.5 * float(np.ptp(values))
-    return np.asarray((values - values.min() - half) / half if half > 0 else np.zeros_like(values))
-
-
-def _products(one: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n, p q) products of columns, the smoothest first, and their roughness."""
-    pairs = sorted((i + j + 1, i, j) for i in range(min(one.shape[1], 6)) for j in range(min(other.shape[1], 2)))
-    if not pairs:
-        return np.empty((one.shape[0], 0)), np.empty(0)
-    return np.column_stack([one[:, i] * other[:, j] for _, i, j in pairs]), np.array([float(r) for r, _, _ in pairs])
+    return smooth(text, columns, axes, rough, WITHIN if level == "subplot" else BETWEEN, level=level, **more)

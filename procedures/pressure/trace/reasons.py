@@ -24,7 +24,7 @@ def of_another(unmodelled: UnmodelledSmooth, name: str, i: int) -> str | None:
         for k in range(len(sensors)):
             left = unmodelled.left_in(k, level) if i in having and k not in having else None
             if left is not None and left.p < UNEXPLAINED:
-                return shown_by_another(sensors[k], left.place.block.place)
+                return shown_by_another(sensors[k], left.place.text)
     return None
 
 

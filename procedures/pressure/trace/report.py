@@ -24,6 +24,7 @@ from rig.fitter.trace.doubts import (
     several_causes,
     something_left,
 )
+from rig.fitter.trace.drawn import drawn, drawn_instead, drawn_period
 from rig.fitter.trace.engine.beside import Level
 from rig.fitter.trace.found import Unnamed, verdict
 from rig.fitter.trace.lines import CLEAR
@@ -36,7 +37,6 @@ from rig.procedures.pressure.effects.separation import separate_pressure
 from rig.procedures.pressure.trace.agreement import classes
 from rig.procedures.pressure.trace.constant import Constant
 from rig.procedures.pressure.trace.courses import Course, courses
-from rig.procedures.pressure.trace.drawn import drawn, drawn_instead, drawn_period
 from rig.procedures.pressure.trace.estimate import Estimate, error_of, residual_of
 from rig.procedures.pressure.trace.judge import WholePlotJudge
 from rig.procedures.pressure.trace.noise_report import noise_findings
@@ -219,7 +219,7 @@ def _alike_laws(finding: Finding, name: str) -> str | None:
 def _doubt_in(finding: Finding, name: str, i: int) -> str | None:
     """Why a name should not be believed in transducer `i`."""
     problem, course = finding.judge.problem, finding.courses.get(i)
-    said = finding.led_by_history.get(name) or finding.unmodelled.doubts.get((name, i))
+    said = finding.led_by_history.get(name) or finding.unmodelled.doubts_by_sensor.get((name, i))
     if said is None:
         said = finding.constant.doubts.get(name)
     between = any(
@@ -387,7 +387,7 @@ def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
     for level, (repeats, strongest) in by_level.items():
         left = unmodelled.left_in(i, level)
         if left is not None and left.p < UNEXPLAINED:
-            rest.append(replace(left.unnamed(), shape=drawn(unmodelled, left)))
+            rest.append(Unnamed(left.where, left.remainder.share, shape=drawn(unmodelled, left, i)))
         if unmodelled.of_repeats(repeats, i, level) < UNEXPLAINED:
             rest.append(strongest(unmodelled.view(level), data, i))
         if level == "whole-plot" and i in finding.courses and not any(_BETWEEN in one.where for one in rest):
