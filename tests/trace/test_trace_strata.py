@@ -124,6 +124,14 @@ def test_coefficients_are_those_of_the_rows():
     assert found.df == pytest.approx(np.diag(meat) ** 2 / uncertain, rel=1e-9)
 
 
+def test_a_column_counts_beside_the_largest_lack_of_fit():
+    """One between points only, whose errors are 10,000 times scatter: it was no column beside these errors."""
+    problem = made()[3].problem
+    noise = replace(problem.noise, weight=np.array([[1.0, 1.0], [1.0, 1e-8]]), shape=np.array([[0.0], [18.4]]))
+    scores = StrataJudge(replace(problem, noise=noise)).everything(1, ())[0]
+    assert scores.rank.tolist() == list(WIDTHS)
+
+
 def test_a_column_that_others_replace_has_no_coefficient():
     judge = made()[3]
     found = judge.problem.fitted(0, np.array([1, 1]))

@@ -157,7 +157,7 @@ class InStrata(Problem):
         """The same under other variances, with what does not depend on them."""
         other = replace(self, noise=noise, length=length, pooled=pooled)
         vars(other).update(start=self.start, alike=self.alike, blocks=self.blocks, rowed=self.rowed, named=self.named)
-        vars(other).update(scale=self.scale, _alike=self._alike, _responses=self._responses)
+        vars(other).update(own=self.own, scale=self.scale, _alike=self._alike, _responses=self._responses)
         vars(other).update(signs=self.signs, most=self.most, price=self.price, bounded=self.bounded)
         return other
 
@@ -226,9 +226,24 @@ class InStrata(Problem):
         every = ([*full, *few.tolist()] for _, full, few, _ in self._alike)
         return tuple(np.pad(np.stack([self.strata[k].response for k in own]), ((0, 0), (0, 1))) for own in every)
 
-    def rooted(self, picked: IntArray, products: FloatArray) -> FloatArray:
-        """(..., q, q) rows that make columns orthonormal, each beside those before; zero for one that these replace."""
-        return rooted(products, np.maximum(self.length[picked], _TINY))
+    def rooted(self, picked: IntArray, products: FloatArray, under: IntArray | slice | int) -> FloatArray:
+        """(..., q, q) rows that make columns orthonormal, each beside those before; zero for one that these replace.
+
+        Args:
+            picked: (..., q) the columns.
+            products: of them, beside others or not.
+            under: the covariances.
+
+        """
+        return rooted(products, np.maximum(self.lengths(under)[..., picked], _TINY))
+
+    def lengths(self, under: IntArray | slice | int) -> FloatArray:
+        """(..., D) `length` under some covariances: a large variance makes all of a column in its stratum short.
+
+        The part that the declared model takes up is taken to be as much shorter as the rest.
+        """
+        plain = np.maximum(self.weight[0] @ self.own, _TINY)
+        return np.asarray(self.length * np.sqrt(self.weight[under] @ self.own / plain))
 
     def beside(
         self, at: int, taken: IntArray, columns: IntArray, blocks: FloatArray | None = None
@@ -250,7 +265,7 @@ class InStrata(Problem):
         dots = self.dots(columns.ravel(), under)[0].reshape(columns.shape)
         if not taken.size:
             return blocks, dots
-        root = self.rooted(taken, self.products(taken[:, None], taken, under)[0])
+        root = self.rooted(taken, self.products(taken[:, None], taken, under)[0], at)
         across = (root @ self.products(taken[:, None], columns.ravel(), under)[0]).reshape(-1, *columns.shape)
         along = root @ self.dots(taken, under)[0]
         left = blocks - np.einsum("p...q,p...r->...qr", across, across)
@@ -258,7 +273,7 @@ class InStrata(Problem):
 
     def spread(self, at: int, picked: IntArray) -> FloatArray:
         """(q, q) inverse of the products of some columns under a covariance; zero for one that those before replace."""
-        root = self.rooted(picked, self.products(picked[:, None], picked, np.array([at]))[0])
+        root = self.rooted(picked, self.products(picked[:, None], picked, np.array([at]))[0], at)
         return np.asarray(root.T @ root)
 
     def fitted(self, at: int, picked: IntArray) -> Fitted:
@@ -311,10 +326,15 @@ class InStrata(Problem):
         return [self.each(*pair) for pair in every]
 
     @cached_property
+    def own(self) -> FloatArray:
+        """(L, D) product of each column with itself in every stratum."""
+        every = np.arange(int(self.start[-1]))
+        return self.each(every, every)
+
+    @cached_property
     def scale(self) -> FloatArray:
         """(D,) size of each column, by which draws in single precision are divided."""
-        every = np.arange(int(self.start[-1]))
-        return np.asarray(np.sqrt(np.maximum(self.each(every, every).sum(axis=0), _TINY)))
+        return np.asarray(np.sqrt(np.maximum(self.own.sum(axis=0), _TINY)))
 
     @cached_property
     def rowed(self) -> tuple[tuple[IntArray, list[int], Single], ...]:

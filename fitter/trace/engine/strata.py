@@ -82,7 +82,7 @@ class StrataJudge(TableJudge):
         if key not in self._besides:
             problem, picked = self.problem, self.problem.picked(key)
             rss = problem.weight @ np.array([one.square for one in problem.strata])
-            root = problem.rooted(picked, problem.products(picked[:, None], picked, EVERY))
+            root = problem.rooted(picked, problem.products(picked[:, None], picked, EVERY), EVERY)
             rss = rss - np.sum(np.matmul(root, problem.dots(picked, EVERY)[:, :, None])[:, :, 0] ** 2, axis=1)
             rank = np.sum(np.diagonal(root, axis1=1, axis2=2) > 0.0, axis=1)
             size = np.where(root > 0.0, root, 1.0)
@@ -169,14 +169,14 @@ class StrataJudge(TableJudge):
             return self._known[at, chosen]
         problem, under, picked = self.problem, np.array([at]), self.problem.picked(chosen)
         count = len(problem.candidates)
-        root = problem.rooted(picked, problem.products(picked[:, None], picked, under)[0])
+        root = problem.rooted(picked, problem.products(picked[:, None], picked, under)[0], at)
         along = root @ problem.dots(picked, under)[0]
         square = float(problem.weight[at] @ np.array([one.square for one in problem.strata]))
         rss, taken = square - float(along @ along), int(np.count_nonzero(np.diag(root)))
         gain, rank, value = np.zeros(count), np.zeros(count, np.int64), np.zeros(count)
         for (of, columns), blocks in zip(problem.alike, problem.blocks, strict=True):
             left, dots = problem.beside(at, picked, columns, np.tensordot(problem.weight[at], blocks, 1))
-            own = problem.rooted(columns, left)
+            own = problem.rooted(columns, left, at)
             gain[of] = np.sum(np.matmul(own, dots[:, :, None])[:, :, 0] ** 2, axis=1)
             rank[of] = np.sum(np.diagonal(own, axis1=1, axis2=2) > 0.0, axis=1)
             if columns.shape[1] == 1:
@@ -235,7 +235,7 @@ def _by_chance(problem: InStrata, near: IntArray, rank: IntArray, drawn: Sequenc
         sums /= np.sqrt(whole).astype(np.float32)
         for (of, columns), blocks in zip(problem.alike, problem.blocks, strict=True):
             products = np.tensordot(problem.weight[g], blocks, 1)
-            root = problem.rooted(columns, products) * problem.scale[columns][:, None]
+            root = problem.rooted(columns, products, g) * problem.scale[columns][:, None]
             along = np.matmul(root.astype(np.float32), sums[columns])
             after = np.maximum(1.0 - np.sum(along**2, axis=1), np.float32(1e-6)) * own.astype(np.float32)
             joined[of] = np.minimum(joined[of], after)

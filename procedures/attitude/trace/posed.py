@@ -28,11 +28,9 @@ from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.score import errors, rounding
 
 LACK_OF_FIT = tuple(np.geomspace(0.3, 1e4, 19).tolist())
-"""Variance of the mean of a point beyond that by scatter, over that by scatter. Larger ones are not tried: most columns
-would then have less than `NOTHING_LEFT` of their length beside the declared model, and nothing could be told of them.
-"""
+"""Variance of the mean of a point beyond that by scatter, over that by scatter; larger ones where a run shows them."""
 APART = tuple(np.geomspace(0.3, 1e4, 19).tolist())
-"""The same of replications' own parameters that differ by chance; larger ones where a run shows them."""
+"""The same of replications' own parameters that differ by chance."""
 WALKS = tuple(np.geomspace(0.1, 2e3, 18).tolist())
 """The same of the steps, if they walk from one replication to the next."""
 ROOM = 3.0
@@ -297,7 +295,9 @@ def _between_points(problem: Problem, i: int, units: FloatArray, columns: IntArr
         whole=both.whole,
     )
     yield SCATTER, np.ones((1, 1)), [within]
-    yield "lack of fit", 1.0 / (1.0 + np.append(0.0, LACK_OF_FIT)[:, None]), [rest]
+    squares = (problem.products["replications"].square - problem.products["points"].square) / units**2
+    options = _up_to(LACK_OF_FIT, ROOM * float(np.max(squares)) / rest.df)
+    yield "lack of fit", 1.0 / (1.0 + np.append(0.0, options)[:, None]), [rest]
 
 
 def _stratum(problem: Problem, level: Level, i: int, unit: float, columns: IntArray, own: IntArray) -> Stratum:
