@@ -46,8 +46,8 @@ class WholePlotData:
         sse_set_degC: (n,) the same for the electronics'.
         block: (n,) number that increases where an interruption or a replaced instrument may cause a step. Default: one
             block.
-        pressure_side: (n,) +1 from a lower pressure, -1 from a higher one, 0 unknown (first of a whole plot). A
-            repeated pressure keeps its side.
+        pressure_side: (n,) +1 from a lower pressure, -1 from a higher one, 0 unknown. By default from the order: 0 for
+            the first of a whole plot, and a repeated pressure keeps its side.
         previous_pressure_psia: (n,) pressure of the previous observation; of the first of a whole plot that from which
             it was set, NaN where that is not known.
         position: (n,) in the executed order of the whole plot, from 0.

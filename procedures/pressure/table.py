@@ -41,7 +41,9 @@ _SETTINGS = {
 
 FROM = came_from("pressure_psia")
 """The pressure from which a row's was set: known of the first of a whole plot by this column alone."""
-KNOWN = (*WHOLE_PLOT, *_OPTIONAL, *_SETTINGS, FROM)
+SIDE = "pressure_side"
+"""The side from which a row's pressure was approached, as a run records it: +1 from below, -1 from above."""
+KNOWN = (*WHOLE_PLOT, *_OPTIONAL, *_SETTINGS, FROM, SIDE)
 """Used columns, in addition to the outputs in `UNIT`."""
 UNIT = "mV"
 
@@ -82,10 +84,13 @@ def whole_plot_data(table: Table) -> WholePlotData:
             outputs=outputs,
             **given,
         )
-        if FROM not in table.columns:
-            return data
-        unknown = np.isnan(data.previous_pressure_psia)
-        before = np.where(unknown, table.columns[FROM], data.previous_pressure_psia)
-        return replace(data, previous_pressure_psia=before)
+        if FROM in table.columns:
+            unknown = np.isnan(data.previous_pressure_psia)
+            before = np.where(unknown, table.columns[FROM], data.previous_pressure_psia)
+            data = replace(data, previous_pressure_psia=before)
+        if SIDE in table.columns:  # a run approaches a repeated pressure from above, and knows the side of the first
+            recorded = np.sign(table.columns[SIDE]).astype(np.int64)
+            data = replace(data, pressure_side=np.where(recorded != 0, recorded, data.pressure_side))
+        return data
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error

@@ -53,6 +53,18 @@ def test_a_table_says_from_what_the_first_pressure_of_a_whole_plot_was_set():
     np.testing.assert_allclose(scene.behind(0.05)[[0, 4]], [13.7 * left, -2.38 * left])
 
 
+def test_a_table_says_from_which_side_a_pressure_was_approached():
+    """A run leaves a repeated pressure upwards and sets it again, and knows how the first one was reached: a hysteresis
+    of the wrong sign in these rows was named carry-over, and a whole plot an outlier.
+    """
+    names = ("whole_plot", "order", "elapsed_s", "pressure_psia", "sensor_temperature_degC", "sse_temperature_degC")
+    plain = rows()
+    columns = {name: np.asarray(getattr(plain, name), float) for name in names} | {"bridge_mV": np.arange(7.0)}
+    columns["pressure_side"] = np.array([-1.0, 1.0, -1.0, -1.0, 0.0, -1.0, 1.0])
+    data = whole_plot_data(Table("t.csv", columns, simulated=True, provenance={}))
+    np.testing.assert_array_equal(data.pressure_side, [-1, 1, -1, -1, 0, -1, 1])
+
+
 def test_a_whole_plot_that_was_continued_later_has_its_own_history():
     data = rows(whole_plot=[7, 7, 3, 3, 7, 7, 3])
     np.testing.assert_array_equal(data.previous_pressure_psia, [np.nan, 1.0, np.nan, 5.001, 5.0, 2.5, 0.12])
