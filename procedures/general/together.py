@@ -106,12 +106,13 @@ class Whole:
     """All runs, prepared for every sensor.
 
     Attributes:
-        table: all rows, those of the first run first, each run in order of time.
+        table: all rows, in order of time: a replication may have been added to the first run after a further one.
         data: of all rows, by output.
         later: of the later runs' rows alone, by output; without sensors whose model has too many columns for them.
         traces: findings in the first run, by output.
-        begins: first row of each run.
+        begins: first row of each run, and of what was added to the first one after a further run.
         remembered: what explanations remember of earlier settings, by output.
+        fresh: rows of the later runs.
     """
 
     table: Table
@@ -120,6 +121,7 @@ class Whole:
     traces: Mapping[str, TableTrace]
     begins: tuple[int, ...]
     remembered: Mapping[str, Remembered]
+    fresh: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     _kept: dict[tuple[str, str, tuple[float, ...]], FloatArray] = field(default_factory=dict)
 
     def of(self, outputs: Collection[str]) -> Whole:
@@ -144,7 +146,9 @@ class Whole:
         columns = seen_by(self.table, output).columns
         t = columns[TIME]
         if anew:
-            t = np.concatenate([run - run[0] + t[0] for run in np.split(t, self.begins[1:])])
+            later = np.isin(self.begins, self.fresh)
+            every = zip(np.split(t, self.begins[1:]), later, strict=True)
+            t = np.concatenate([rows - rows[0] + t[0] if fresh else rows for rows, fresh in every])
         return Rows({**columns, TIME: t}, t, self.begins)
 
     def started(self, output: str) -> FloatArray:
@@ -179,6 +183,19 @@ def _those_that_can(table: Table, roles: Mapping[str, Roles]) -> Iterator[tuple[
             continue
 
 
+def _rows_of(table: Table, rows: NDArray[np.int64] | slice) -> Table:
+    return replace(table, columns={name: v[rows] for name, v in table.columns.items()}, rows=())
+
+
+def _in_time(both: Table, order: NDArray[np.int64]) -> Table:
+    """All rows in order of time; sessions are counted anew where those of two runs alternate."""
+    if np.all(np.diff(order) > 0):
+        return both
+    both = _rows_of(both, order)
+    counted = {BLOCK: np.cumsum(np.diff(both.columns[BLOCK], prepend=np.nan) != 0)} if BLOCK in both.columns else {}
+    return replace(both, columns={**both.columns, **{name: v.astype(np.float64) for name, v in counted.items()}})
+
+
 @dataclass(frozen=True, eq=False)
 class Outputs:
     """Measured outputs of both runs.
@@ -196,7 +213,7 @@ class GeneralTogether(Together):
 
     Attributes:
         whole: both runs.
-        rows: (n,) rows of them that are used.
+        rows: (n,) rows of them that are used, those of the first run first.
     """
 
     whole: Whole
@@ -225,12 +242,13 @@ class GeneralTogether(Together):
             output: replace(own, ignore=tuple(name for name in own.ignore if name in both.columns))
             for output, own in roles.items()
         }
+        run, fresh = numbers(len(first), later), dict(_those_that_can(_rows_of(both, slice(len(first), None)), every))
+        order = np.argsort(both.columns[TIME], kind="stable")
+        both = _in_time(both, order)
         data = {output: roles_of(both, own)[0] for output, own in every.items()}
-        run = numbers(len(first), later)
-        begins = tuple(np.searchsorted(run, np.arange(1 + len(later))).tolist())
-        fresh = replace(both, columns={name: v[len(first) :] for name, v in both.columns.items()}, rows=())
-        whole = Whole(both, data, dict(_those_that_can(fresh, every)), traces, begins, remembered)
-        return cls(run, whole, np.arange(len(both)), done=changes(len(first), later))
+        begins = (0, *(np.flatnonzero(np.diff(run[order])) + 1).tolist())
+        whole = Whole(both, data, fresh, traces, begins, remembered, np.flatnonzero(run[order]))
+        return cls(run, whole, np.argsort(order, kind="stable"), done=changes(len(first), later))
 
     @property
     def data(self) -> Outputs:
@@ -326,7 +344,7 @@ class GeneralTogether(Together):
         """(S, n, m) smooth unweighted columns over what was recorded in the later run, each place after its name. The
         places where a trace looks for shapes without a name.
         """
-        fresh = self.rows[self.fresh] - self.whole.begins[1]
+        fresh = np.searchsorted(self.whole.fresh, self.rows[self.fresh])
         for output, one in self.whole.later.items():
             for place in places_of(one.scene, one.shared):
                 if lasting and place.timed:

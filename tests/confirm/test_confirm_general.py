@@ -16,12 +16,13 @@ from general_lab import BENCH, PROCEDURE, run_dry, written
 
 from rig.bench.config import parse_procedure
 from rig.examples import example
+from rig.fitter.confirm import Later
 from rig.fitter.errors import FitError
 from rig.procedures.general.confirming import GeneralConfirming
 from rig.procedures.general.effects.of_others import HYSTERESIS
 from rig.procedures.general.further_runs import further_runs
 from rig.procedures.general.settings import GeneralProcedure
-from rig.procedures.general.together import Observations, Remembered, Whole, join
+from rig.procedures.general.together import GeneralTogether, Observations, Remembered, Whole, join
 from rig.verbs.confirm.first import open_traced
 
 CURVED = """seed = 3
@@ -97,6 +98,25 @@ def test_all_sensors_with_an_effect_are_judged_together(bath):
         at = both.sensors.index(term.sensor)
         assert np.any(columns[at, :, place])
         assert not np.any(np.delete(columns[:, :, place], at, axis=0))
+
+
+def test_a_replication_that_was_added_after_the_further_run_is_of_the_first_one(first):
+    """Its rows come later, and the columns of every row are those of its own settings and output all the same."""
+    traced = open_traced(first)
+    later, table = traced.confirming.later(traced.traced.table), traced.traced.table
+    added = replace(table, columns={name: v + 7200.0 * (name == "elapsed_s") for name, v in table.columns.items()})
+    two = join(table, added, 0.0, ())
+    of_run, roles = traced.confirming, {output: one.roles for output, one in traced.confirming.traced.each.items()}
+    both = GeneralTogether.of(of_run.found.sensors, roles, two, [Later(later, 3600.0)])
+    n = len(table)
+    np.testing.assert_array_equal(both.run, np.repeat([0, 1], [2 * n, n]))
+    np.testing.assert_array_equal(both.data.outputs["cell_V"], np.tile(table.columns["cell_V"], 3))
+    squares = np.tile(table.columns["force_kN"], 3) ** 2
+    np.testing.assert_allclose(both.untouched(traced.questions[0].terms)[0, :, 0], squares)
+    np.testing.assert_array_equal(both.whole.begins, [0, n, 2 * n])
+    (_, smooth), *_ = both.shapes(lasting=True)
+    assert smooth[0, both.fresh].any()
+    assert not smooth[0, ~both.fresh].any()
 
 
 def test_the_first_row_of_every_run_says_nothing_of_what_needs_its_direction(first):
