@@ -340,8 +340,9 @@ def main() -> int:
             for seed, one in zip(seeds, pool.map(one_loop, itertools.repeat(kind), seeds), strict=True):
                 told.append(one)
                 both = "".join(f"{int(later)}{int(every)}" for _, later, every in one.held) or "-"
-                result = f"{one.verdict} ({one.holds}), held {both}, bench hours {one.hours:.2f}"
-                print(f"  {kind} {seed}: found {one.found}, {result}", flush=True)
+                errors = "/".join("-" if x is None else f"{x:.2f}" for x in (one.before, one.after, one.traced))
+                result = f"{one.verdict} ({one.holds}), by the trace {one.by_trace or '-'}, error {errors}"
+                print(f"  {kind} {seed}: found {one.found}, {result}, held {both}, hours {one.hours:.2f}", flush=True)
         before = [one.before for one in told if one.before is not None]
         after = [one.after for one in told if one.after is not None]
         words = ("right", "part", "wrong", "open", "no further run")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from rig.engine.session import Nobody, Observer, Outcome, Progress, Signals
@@ -21,7 +22,7 @@ from rig.loop.decide import Considers, Decision, Left, decide, decided
 from rig.loop.ends import Ending, Told, began, each_h, ended, not_made
 from rig.loop.evaluation import Evaluation, with_left_over
 from rig.loop.findings import found_by_first, found_by_later
-from rig.loop.goal import Look, kept_for, looked, procedure_with
+from rig.loop.for_goal import GoalStep, for_goal, procedure_with
 from rig.loop.program import SUFFIX, LoopRun, Program
 from rig.loop.timeline import EVALUATION_S, Timeline
 from rig.procedures.errors import DataError
@@ -99,7 +100,7 @@ class Conductor:
     def _conducted(self) -> Ending:
         if not self._begun:
             self._begin()
-        ended = self._left_on() or self._first_run() or self._replications() or self._further_runs()
+        ended = self._left_on() or self._first_run() or self._steps()
         self._rest("no further run" if ended is None else "the loop's session ends")
         if ended is not None:
             return self._ending(ended.outcome, ended.message, unsafe=ended.unsafe)
@@ -232,46 +233,34 @@ class Conductor:
         self.record(ended(run, result, self.between.left_on))
         return None
 
-    def _replications(self) -> Ending | None:
-        """Add replications to the first run until its goal is met, or cannot be."""
-        goal: GoalSettings | None = getattr(self.plan.procedure, "goal", None)
-        if goal is None or self.program.goal is not None or self.program.further_runs:
-            return None
-        while True:
-            if self.signals.interrupt:
-                return self._ending(Outcome.INTERRUPTED, f"interrupted ({self.signals.interrupt}) between two steps")
-            run = self.program.open_run
-            if run is not None and (ended := self._further_run(run)) is not None:
-                return ended
-            if not self._look(goal):
-                return None
-
-    def _look(self, goal: GoalSettings) -> bool:
-        """Decide whether one more replication is made, and record it before anything moves."""
+    def _for_goal(self) -> bool:
+        """Plan one more replication, or the further run that helps more, if the goal needs it; False otherwise."""
         program, procedure = self.program, self.plan.procedure
+        goal: GoalSettings | None = getattr(procedure, "goal", None)
+        if goal is None or program.goal is not None:
+            return False
         elapsed_s = self.timeline.elapsed_s
         left_h, loop_h = ((end_s - elapsed_s) / 3600.0 for end_s in (program.goal_ends_s, program.ends_s))
-        runs = program.runs
-        hours = each_h(runs, procedure.replications)
+        with contextlib.suppress(*FAULTS):
+            self._evaluated()  # what a further run tells comes before what it means for the goal
+        further = partial(self._decision, closing=False)
         try:
-            look = looked(
-                goal, program.segments, procedure.replications, hours, left_h, loop_h,
-                lambda count: kept_for(self.first, self._decision().run, count, hours),
-            )  # fmt: skip
+            step = for_goal(goal, self.evaluation, procedure.replications, left_h, loop_h, further)
         except FAULTS as error:
-            look = Look(None, f"the goal cannot be judged: {error}")
-        if not runs[-1].complete and look.more is not None:
-            look = Look(None, f"replication {runs[-1].planned.number} ended by a fault; {look.why}")
-        decision = LoopDecided(
-            after=len(runs), next="trace" if look.more is None else "segment", why=look.why, left_h=round(left_h, 3)
-        )
-        if look.more is None:
-            self.record(decision)
+            step = GoalStep(None, f"the goal cannot be judged: {error}")
+        if step.decision is not None:
+            if not self._regrouped(step.decision):
+                self._decide(replace(step.decision, why=f"{step.why}. {step.decision.why}"))
+                self._anew(step.decision)
+            return True
+        after, more = len(program.runs), step.more
+        said = LoopDecided(after=after, next="segment" if more else "trace", why=step.why, left_h=round(left_h, 3))
+        if more is None:
+            self.record(said)
             return False
-        number = procedure.replications + len(program.segments)
-        again = procedure_with(procedure, replications=1, seed=procedure.seed + number, goal=None)
-        planned = self._planned(f"replication {number}", hours, procedure_text(again))
-        self.record(decision, replace(planned, segment=True))
+        again = procedure_with(procedure, replications=1, seed=procedure.seed + more, goal=None)
+        hours = each_h(program.runs, procedure.replications)
+        self.record(said, replace(self._planned(f"replication {more}", hours, procedure_text(again)), segment=True))
         return True
 
     # --- evaluation -----------------------------------------------------------------------------------------------
@@ -281,7 +270,8 @@ class Conductor:
         """The first run, traced."""
         return self.evaluation.first
 
-    def _further_runs(self) -> Ending | None:
+    def _steps(self) -> Ending | None:
+        """Make replications and further runs, until no more of them helps."""
         while True:
             if self.signals.interrupt:
                 return self._ending(Outcome.INTERRUPTED, f"interrupted ({self.signals.interrupt}) between two steps")
@@ -290,14 +280,19 @@ class Conductor:
                 return ended
             if self.program.decided is not None:
                 return None
+            if self._for_goal():
+                continue
             decision = self._decision()
             if self._regrouped(decision):
                 continue
             self._decide(decision)
             if decision.run is None:
                 return None
-            if decision.anew:
-                self._rest("an effect of time or temperature is confirmed after it has settled anew")
+            self._anew(decision)
+
+    def _anew(self, decision: Decision) -> None:
+        if decision.anew:
+            self._rest("an effect of time or temperature is confirmed after it has settled anew")
 
     @property
     def _runs_left(self) -> int:
@@ -314,8 +309,8 @@ class Conductor:
             self.record(event)
         return event is not None
 
-    def _decision(self) -> Decision:
-        """The next step, from all runs so far."""
+    def _decision(self, *, closing: bool = True) -> Decision:
+        """The next step, from all runs so far; runs for a person only if the loop closes without one."""
         try:
             told = self._evaluated()
         except FAULTS as error:
@@ -330,7 +325,8 @@ class Conductor:
         left = Left((self.program.ends_s - elapsed_s) / 3600.0, self._runs_left, self.program.allow)
         first = replace(self.first, begins_s=elapsed_s)
         first = replace(first, confirming=first.confirming.at_rest(self.between.stands_at))
-        return with_left_over(decide(first, told, bounds, left, self.considered), first, told)
+        decision = decide(first, told, bounds, left, self.considered, closing=closing)
+        return with_left_over(decision, first, told)
 
     def _evaluated(self) -> Confirmed | None:
         """The judgement so far; what it tells is recorded once."""
@@ -362,7 +358,7 @@ class Conductor:
         if self.certified and "certificate" not in program.wrote:
             self._certificate()
         decided = program.decided
-        assert decided is not None  # by `_further_runs`
+        assert decided is not None  # by `_steps`
         if "report" not in program.wrote:
             self.record(products.report(program, self._confirmed_or_none()))
         heads = {program.file_of(run).name: run.ended.head for run in program.runs if run.ended is not None}

@@ -118,6 +118,8 @@ def decide(
     bounds: LoopSettings,
     left: Left,
     considered: Considers = consider,
+    *,
+    closing: bool = True,
 ) -> Decision:
     """The next step.
 
@@ -127,6 +129,7 @@ def decide(
         bounds: `[loop]` of the procedure.
         left: time, runs and permissions that are left.
         considered: gives the possible runs, the best first.
+        closing: whether the loop closes without a run, so that runs for a person are looked for.
     """
     if not first.questions:
         return Decision(None, "the trace of the first run found nothing that would have to be confirmed", settled=True)
@@ -146,9 +149,10 @@ def decide(
     confirming = asked.confirming.at_rest(None if anew else first.confirming.stands_degC)
     asked, known = replace(asked, begins_s=first.begins_s, confirming=confirming), dict[tuple[str, int], Proposal]()
     considered = partial(considered, known=known)
+    for_people: Callable[[], tuple[Proposal, ...]] = partial(_for_person, asked, considered) if closing else tuple
     if left.runs < 1:
         why = f"{words}; all runs that most_runs permits have been made"
-        return Decision(None, why, settled, _for_person(asked, considered))
+        return Decision(None, why, settled, for_people())
 
     def mine(within: First, **how: Any) -> list[Proposal]:
         of_bench = {"only": lambda one: permitted(first, one, left.allow), "changes": PERSON in left.allow}
@@ -162,11 +166,11 @@ def decide(
     time = duration(3600.0 * max(left.hours, 0.0))
     if not runs:
         why = f"{words}; no run that the bench makes by itself would decide it"
-        return Decision(None, why, settled, _for_person(asked, considered))
+        return Decision(None, why, settled, for_people())
     if not short:
         least = min(runs, key=lambda run: run.hours)
         takes = f"the shortest run that may decide it takes {duration(3600.0 * least.hours)}"
-        return Decision(None, f"{words}; {time} are left, and {takes}", settled, _for_person(asked, considered))
+        return Decision(None, f"{words}; {time} are left, and {takes}", settled, for_people())
     best = short[0]
     what = f"{best.variation.what}, {best.size}, takes {duration(3600.0 * best.hours)} of {time}"
     gain = gain_per_h(best)
@@ -175,7 +179,7 @@ def decide(
             f"{words}; the best run ({what}) settles an open question with a probability of {gain:.3f} per hour, less "
             f"than least_gain = {bounds.least_gain:g}"
         )
-        return Decision(None, why, settled, _for_person(asked, considered))
+        return Decision(None, why, settled, for_people())
     why = f"{words}; {what} {_said(best)} ({gain:.2f} per hour)"
     if (better := runs[0]).hours > left.most_h:
         takes = f"{better.variation.what}, {better.size}, takes {duration(3600.0 * better.hours)} {_said(better)}"

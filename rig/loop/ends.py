@@ -89,7 +89,7 @@ def began(plan: Plan, timeline: Timeline, program: Program, dropped: WalState, b
 
 def each_h(runs: Sequence[LoopRun], replications: int) -> float:
     """Expected bench time of one more replication, hours."""
-    took = [run.ended.took_s for run in runs[1:] if run.ended is not None and run.complete]
+    took = [run.ended.took_s for run in runs if run.planned.segment and run.ended is not None and run.complete]
     first = runs[0].ended
     assert first is not None  # it is complete before the first look
     return (max(took) if took else first.took_s / replications) / 3600.0

@@ -68,6 +68,13 @@ class Evaluation:
             self._told[key] = judge(self.traced(segments), *later)
         return self._told.get(key)
 
+    @property
+    def touched(self) -> str:
+        """The further run in which somebody changed the bench, in words; "" if there is none."""
+        untouched = list(self._joinable(joined=True))
+        changed = [run for run in self.program.further_runs if run.complete and run not in untouched]
+        return f"run {changed[-1].planned.number}" if changed else ""
+
     def regrouped(self, decision: Decision, runs_left: int) -> LoopJoined | None:
         """The run that is joined to the first one, or taken from it, in place of a decision; None if none is.
 
@@ -124,10 +131,10 @@ class Evaluation:
                 )
         return None
 
-    def _joinable(self) -> Iterator[LoopRun]:
-        """Complete further runs in which nobody changed anything."""
+    def _joinable(self, *, joined: bool = False) -> Iterator[LoopRun]:
+        """Complete further runs in which nobody changed anything; with `joined` those that are one with the first."""
         for run in self.program.further_runs:
-            if run.complete and not run.joined:
+            if run.complete and (joined or not run.joined):
                 with RunReader.open(self.program.file_of(run)) as reader:
                     if not any(True for _ in reader.records(DoneByHand.kind)):
                         yield run

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from rig.bench.contract_files import bench_of_run
 from rig.errors import ConfigurationError, UsageError
 from rig.fitter.budget import Budgeted, TypeA, budgets
 from rig.fitter.sequential import widening
+from rig.procedures.evaluate.confirming import ConfirmedFit
 from rig.procedures.evaluate.stated import Statements
 from rig.procedures.kinds import kind_of_table
 from rig.procedures.plan.settings import GoalSettings
@@ -26,7 +28,9 @@ from rig.procedures.present.numbers import number
 from rig.procedures.tables.table import Table
 from rig.register import DOCUMENT, KnownConditions, Register
 from rig.run_file.read.reader import RunReader
-from rig.verbs.budget.evaluation import OfRun, RunBudget, budget_of, checked_run, shapes_at
+from rig.tables import run_table
+from rig.tables.segments import table_of
+from rig.verbs.budget.evaluation import Evaluated, OfRun, RunBudget, budget_of, checked_run, shapes_at
 
 _PROBABILITY = 0.95
 
@@ -36,6 +40,8 @@ class Aim:
     """A value with a goal.
 
     Attributes:
+        name: its name.
+        value: the value.
         known: how well it is known, as the begin of a sentence.
         half: half-width of its 95 % interval, which holds in spite of looking.
         goal: largest half-width.
@@ -43,11 +49,38 @@ class Aim:
         by: the largest influences that remain there, with their shares.
     """
 
+    name: str
+    value: float
     known: str
     half: float
     goal: float
     least: float = 0.0
     by: str = ""
+
+
+@dataclass(frozen=True)
+class Made:
+    """Replications that were made.
+
+    Attributes:
+        segments: files of the first run, of its further replications, and of runs that are one with it.
+        first: number of replications of the first of them.
+        count: number of all replications.
+    """
+
+    segments: Sequence[Path]
+    first: int
+    count: int
+
+    @cached_property
+    def start(self) -> Table:
+        """Table of the first file."""
+        return run_table(self.segments[0])
+
+    @cached_property
+    def table(self) -> Table:
+        """Table of all together."""
+        return table_of(self.segments, self.segments[0])
 
 
 @dataclass(frozen=True)
@@ -72,35 +105,32 @@ class _Sort:
         return None
 
 
-def of_results(
-    goal: GoalSettings, segments: Sequence[Path], start: Table, table: Table, first: int, looks: int
-) -> Iterator[Aim]:
+def of_results(goal: GoalSettings, made: Made, looks: int, model: ConfirmedFit | None = None) -> Iterator[Aim]:
     """Goals of expanded uncertainties and of predictions.
 
     Args:
         goal: of the procedure.
-        segments: files of all replications so far.
-        start: table of the first of them.
-        table: of all together.
-        first: number of replications of the first of them.
+        made: the replications so far.
         looks: maximum number of looks.
+        model: the calibration with the causes that further runs settled; None for the declared model.
 
     Raises:
         UsageError: no result has a given name.
         ConfigurationError: the register of equipment cannot be used.
         DataError: there are no budgets of this kind, or a point cannot be used.
     """
+    evaluated, first = None if model is None else model.evaluation, made.first
     if goal.U:
-        now = _with_register(segments)
-        before = now if len(segments) == 1 else _with_register(segments[:1])
+        now = _with_register(made.segments)
+        before = now if len(made.segments) == 1 else _with_register(made.segments[:1])
         sort = _Sort("U", goal.U, "with the register")
-        yield from _aims(sort, goal, (before, now), first, looks)
+        yield from _aims(sort, goal, (before, now), first, looks, evaluated)
     if goal.prediction:
-        bench = _bench(segments[0])
-        now, before = _alone(table, bench), _alone(start, bench)
+        bench = _bench(made.segments[0])
+        now, before = _alone(made.table, bench), _alone(made.start, bench)
         names = {f"{sensor} output": half for sensor, half in goal.prediction.items()}
         sort = _Sort("prediction", names, "by the scatter of the run alone")
-        yield from _aims(sort, goal, (before, now), first, looks)
+        yield from _aims(sort, goal, (before, now), first, looks, evaluated)
 
 
 def check_goal(goal: GoalSettings, documents: Mapping[str, str]) -> None:
@@ -132,11 +162,18 @@ def _alone(table: Table, bench: BenchConfig) -> OfRun:
     return OfRun(table, kind, bench, Register(), Statements(), (), KnownConditions())
 
 
-def _aims(sort: _Sort, goal: GoalSettings, runs: tuple[OfRun, OfRun], first: int, looks: int) -> Iterator[Aim]:
+def _aims(
+    sort: _Sort,
+    goal: GoalSettings,
+    runs: tuple[OfRun, OfRun],
+    first: int,
+    looks: int,
+    evaluated: Evaluated | None,
+) -> Iterator[Aim]:
     """Aims of one sort; the runs are those at the first look and now."""
     of = runs[1]
-    now = _budgeted(of, goal)
-    fewer = _df(now if runs[0] is of else _budgeted(runs[0], goal))
+    now = _budgeted(of, goal, evaluated)
+    fewer = _df(now if runs[0] is of else _budgeted(runs[0], goal, None))
     names = now.evaluation.results.names
     aimed = {j: half for j, name in enumerate(names) if (half := sort.goal_of(name)) is not None}
     lacking = [name for name in sort.goals if not any(_Sort("", {name: 1.0}, "").goal_of(one) for one in names)]
@@ -151,16 +188,14 @@ def _aims(sort: _Sort, goal: GoalSettings, runs: tuple[OfRun, OfRun], first: int
     wide = _again(now, [_scaled(now.type_a[0], factors**2), *now.type_a[1:]])
     least = _again(now, [_left(now), *(_without_fit(one) for one in now.type_a[1:] if one.name not in replicated)])
     for j, half in aimed.items():
-        known = (
-            f"U of {names[j]} is {number(wide[j].expanded_uncertainty)} {wide[j].unit} ({sort.words}, 95 %, in spite "
-        )
-        yield Aim(
-            f"{known}of looking)", wide[j].expanded_uncertainty, half, least[j].expanded_uncertainty, _by(least[j])
-        )
+        U, value = wide[j].expanded_uncertainty, float(now.evaluation.results.values[j])
+        known = f"U of {names[j]} is {number(U)} {wide[j].unit} ({sort.words}, 95 %, in spite of looking)"
+        yield Aim(names[j], value, known, U, half, least[j].expanded_uncertainty, _by(least[j]))
 
 
-def _budgeted(of: OfRun, goal: GoalSettings) -> RunBudget:
-    return budget_of(of, at=goal.at, same_meter=goal.same_meter, shapes=shapes_at(_PROBABILITY))
+def _budgeted(of: OfRun, goal: GoalSettings, evaluated: Evaluated | None) -> RunBudget:
+    asked: dict[str, Any] = {"at": goal.at, "same_meter": goal.same_meter, "shapes": shapes_at(_PROBABILITY)}
+    return budget_of(of, evaluated=evaluated, **asked)
 
 
 def _df(made: RunBudget) -> Any:

@@ -93,7 +93,7 @@ class Program:
         runs: its runs, in order.
         found: what was found, by the number of runs that it rests on.
         decided: decisions that no run has followed yet; the last one counts.
-        goal: decision that nothing more is done for the goal; None before.
+        goal: decision that nothing more is done for the goal, by the runs so far; None before.
         story: every record that is told, with its time.
         for_person: what remains for a person, since the last decision to close.
         wrote: written or refused files, since the loop was last continued.
@@ -137,6 +137,7 @@ class Program:
             case LoopRunPlanned():
                 self.runs.append(LoopRun(event))
                 self.decided = None
+                self.goal = self.goal if event.segment else None  # what a further run tells may change it
             case LoopRunEnded():
                 self.runs[event.number - 1].ended, self.left_on = event, tuple(event.left_on)
             case LoopMadeSafe():
@@ -156,7 +157,7 @@ class Program:
             case LoopWrote():
                 self.wrote[event.what] = event
             case LoopContinued():
-                self.closed = self.decided = None
+                self.closed = self.decided = self.goal = None
                 self.wrote, self.for_person = {}, []
                 self.ends_s, self.allow, self.apart = event.ends_s, tuple(event.allow), False
                 self.continued += 1
@@ -190,6 +191,11 @@ class Program:
         """Files of the first run, its further replications and the runs joined to it, as far as they are complete."""
         own = [run for number, run in enumerate(self.runs) if number == 0 or run.planned.segment or run.joined]
         return [self.file_of(run) for run in own if run.complete]
+
+    @property
+    def replications(self) -> int:
+        """Number of complete replications that were added to the first run."""
+        return sum(run.planned.segment and run.complete for run in self.runs)
 
     @property
     def further_runs(self) -> list[LoopRun]:

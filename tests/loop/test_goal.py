@@ -71,7 +71,7 @@ def test_replications_are_added_until_the_goal_is_met(met: Program):
 def test_each_decision_was_recorded_before_its_replication_began(met: Program):
     with RunReader.open(met.path) as reader:
         order = [record.status for record in reader.records() if record.kind in ("loop", "loop-run")]
-    assert order[:5] == ["planned", "ended", "decided", "planned", "ended"]
+    assert order[:6] == ["planned", "ended", "found", "decided", "planned", "ended"]
 
 
 def test_the_calibration_and_the_trace_have_all_replications(met: Program):
@@ -100,14 +100,34 @@ def test_a_goal_for_which_no_time_is_left_is_said(tmp_path: Path):
     assert len(program.runs) == 1
 
 
-def test_time_that_is_scarce_is_kept_for_what_takes_more_from_the_error(tmp_path: Path):
+def said(program: Program) -> list[str]:
+    return [record.sentence() for record in program.story]
+
+
+def test_time_that_is_scarce_goes_to_what_leaves_the_smaller_error(tmp_path: Path):
     """After the first run 15 min are left: for one more replication, or for the run that confirms the step."""
     goal = "sigma = { input_V = 4e-9 }\nleast_replications = 2\nmost_replications = 30"
     program = with_goal(tmp_path, goal, hours=0.45, most_runs=1)
-    assert why(program).startswith("the goal is given up: input_V of meter_V is known to +-")
-    assert "that are left 3 min are kept for a further run, the same again, which by forecast takes " in why(program)
-    assert "and one more replication 18% (1.8 per hour)" in why(program)
+    (plan,) = [words for words in said(program) if "by forecast" in words]
+    assert "about 23 replications meet it, 2 are made" in plan
+    assert "one more replication takes 16% from the error of the aimed values (1.6 per hour)" in plan
+    assert "a further run, the same again, 12 points x 1 replication, 3 min, 64% (12 per hour)" in plan
+    assert "1.3 of the goal with the run and 0 more replications, 2.9 with 1 more replication alone" in plan
     assert [run.planned.what for run in program.runs] == ["voltmeter, six ranges", "the same again"]
+    assert why(program).startswith("no time is left for the goal: ")
+    assert program.closed is not None
+    assert program.closed.settled
+
+
+def test_a_confirmed_effect_leaves_fewer_replications_to_make(tmp_path: Path):
+    """23 of them meet the goal with the declared model, and 4 with the step in it: so the further run comes first."""
+    goal = "sigma = { input_V = 4e-9 }\nleast_replications = 2\nmost_replications = 30"
+    program = with_goal(tmp_path, goal, hours=3.0, most_runs=1)
+    assert [run.planned.what for run in program.runs][:2] == ["voltmeter, six ranges", "the same again"]
+    assert why(program).startswith("the goal is met with ")
+    assert program.replications <= 3
+    assert len(program.segments) == 1 + program.replications
+    assert verify_file(program.path).whole
     assert program.closed is not None
     assert program.closed.settled
 

@@ -14,6 +14,7 @@ from rig.engine.session import Signals
 from rig.errors import UsageError
 from rig.examples import example
 from rig.loop.goal import Look, looked
+from rig.loop.goal_of_results import Made
 from rig.procedures.plan.settings import GoalSettings
 from rig.runs.controller import start_run
 from rig.runs.plans import load_plan
@@ -34,7 +35,7 @@ INFERRED = "cell inferred force"
 
 
 def look(run: Path, **goal: Any) -> Look:
-    return looked(GoalSettings(**goal), [run], 3, 0.5, 8.0)
+    return looked(GoalSettings(**goal), Made([run], 3, 3), 0.5, 8.0)
 
 
 def test_an_expanded_uncertainty_is_a_goal_with_the_register(straight: Path):

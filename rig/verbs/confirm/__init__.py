@@ -1,7 +1,7 @@
 """Confirmation of a trace by a further run: proposals, expected separation, and results."""
 
 from rig.verbs.confirm.answers import Confirmed, chance, ends, evidence, following, judge, sentences, sizes, unfit
-from rig.verbs.confirm.calibration import fit_confirmed, with_confirmed
+from rig.verbs.confirm.calibration import fit_confirmed, settled_as, with_confirmed
 from rig.verbs.confirm.first import First, open_traced, traces_kept
 from rig.verbs.confirm.further_plan import plan_for, procedure_text
 from rig.verbs.confirm.proposal import SURE, Proposal
@@ -36,6 +36,7 @@ __all__ = [
     "procedure_text",
     "propose",
     "sentences",
+    "settled_as",
     "sizes",
     "traces_kept",
     "unfit",

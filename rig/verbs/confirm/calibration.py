@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from rig.by_kind import known
 from rig.errors import UsageError
-from rig.fitter.confirm import Confirmation
+from rig.fitter.confirm import Confirmation, Hypothesis, Member
 from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit
 from rig.procedures.evaluate.results import Options
 from rig.procedures.tables.table import Table
@@ -48,6 +50,38 @@ def with_confirmed(first: First, confirmed: Confirmed, options: Options) -> Conf
         if shared := first.shared(effect["named"]):
             effect["used"] += f". {shared}"
     return fitted
+
+
+def settled_as(first: First, told: Confirmed | None, holds: Mapping[str, Hypothesis]) -> ConfirmedFit:
+    """The calibration as it would be if further runs settled some effects, for a forecast.
+
+    Args:
+        first: the traced run.
+        told: its judgement by the further runs so far; None without one.
+        holds: by effect, the explanation that would be left of it; others are as `told` says.
+
+    Raises:
+        rig.fitter.errors.FitError: the run does not determine such a model.
+        rig.procedures.errors.DataError: the same.
+    """
+    known_of = {one.effect: one for one in told.answers} if told is not None else {}
+    answers = [
+        Confirmation(one.effect, (_as_shown(holds[one.effect]),), holder=holds[one.effect].terms, question=one)
+        if one.effect in holds
+        else known_of.get(one.effect, Confirmation(one.effect, ()))
+        for one in first.questions
+    ]
+    effects: Any = [{"named": one.effect, "verdict": one.verdict, "told": one.effect, "used": ""} for one in answers]
+    options = known(first.traced.table).fit_options()
+    return first.confirming.calibrated(answers, first.questions, {"effects": effects}, options)
+
+
+def _as_shown(one: Hypothesis) -> Member:
+    """An explanation as a further run that settles it would show it."""
+    size = {"coefficients": (1.0,), "intervals": ((0.5, 1.5),), "together": (1.0,), "intervals_together": ((0.5, 1.5),)}
+    of_run = {"p_changed": 1.0, "shown": math.inf, "expected": math.inf, "p_shown": 0.0, "limit": one.limit(math.inf)}
+    more: dict[str, Any] = {**size, **of_run, "missed": math.inf, "fits": True, "sizes": {}, "against": ""}
+    return Member(one.effect, one.causes, 0.0, terms=(one.effect,), **more)
 
 
 def provenance(first: First, confirmed: Confirmed) -> dict[str, Any]:

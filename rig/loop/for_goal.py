@@ -1,0 +1,79 @@
+"""The next step for the goal of a loop: one more replication, a further run first, or nothing more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from rig.loop.decide import PARKING_H, Decision
+from rig.loop.ends import each_h
+from rig.loop.evaluation import Evaluation
+from rig.loop.goal import aims_by, looked
+from rig.loop.goal_of_results import Made
+from rig.loop.hours import HoursLeft, confirmed_model, open_questions, planned, stake
+from rig.procedures.kind import Procedure
+from rig.procedures.plan.settings import GoalSettings
+
+
+@dataclass(frozen=True)
+class GoalStep:
+    """The next step for a goal.
+
+    Attributes:
+        more: number of the next replication; None if none is made.
+        why: reason, with numbers.
+        decision: the further run that comes first; None if none does.
+    """
+
+    more: int | None
+    why: str
+    decision: Decision | None = None
+
+
+def procedure_with(procedure: Procedure, **changes: Any) -> Any:
+    """A procedure with other values."""
+    changed: Any = procedure
+    return changed.model_copy(update=changes)
+
+
+def for_goal(
+    goal: GoalSettings,
+    evaluation: Evaluation,
+    replications: int,
+    left_h: float,
+    loop_h: float,
+    decision: Callable[[], Decision],
+) -> GoalStep:
+    """The next step, by all runs so far.
+
+    Args:
+        goal: of the procedure.
+        evaluation: of the runs.
+        replications: number of those of the first run.
+        left_h: time left for replications, hours.
+        loop_h: time left for the loop, hours.
+        decision: gives the best further run; asked if one more replication would be made.
+
+    Raises:
+        RigError: the goal cannot be judged, or a file cannot be read; `DataError` and `FitError` likewise.
+    """
+    program, told = evaluation.program, evaluation.told
+    made = Made(program.segments, replications, replications + program.replications)
+    hours, last = each_h(program.runs, replications), program.runs[-1]
+    look = looked(goal, made, hours, left_h, None if told is None else confirmed_model(evaluation.first, told))
+    if look.more is None:
+        return GoalStep(None, look.why)
+    if not last.complete:
+        return GoalStep(None, f"run {last.planned.number} ({last.planned.what}) ended by a fault; {look.why}")
+    if touched := evaluation.touched:
+        return GoalStep(None, f"no replication is added after somebody changed the bench in {touched}; {look.why}")
+    further = decision()
+    if further.run is None:
+        return GoalStep(look.more, look.why)
+    asked = open_questions(evaluation.first, told, alone=program.bounds.bounds.stop_when == "alone")
+    at_stake = stake(evaluation.first, told, asked, partial(aims_by, goal, made))
+    left = HoursLeft(loop_h - PARKING_H, left_h - PARKING_H, hours, look.needed)
+    plan = planned(at_stake, made.count, further.run, left, returns=not further.run.variation.person)
+    return GoalStep(look.more, f"{look.why}; {plan.why}", further if plan.run_next else None)
