@@ -160,7 +160,7 @@ class WholePlotConfirming(Confirming):
         plots = np.array([p.whole_plot for p in run_list.points])
         n = len(run_list)
         elapsed = soak * np.unique(plots, return_inverse=True)[1] + reading * np.arange(1.0, n + 1.0)
-        return WholePlotData(
+        planned = WholePlotData(
             whole_plot=plots,
             order=np.arange(n),
             elapsed_s=elapsed + float(self.data.elapsed_s.min()),
@@ -170,6 +170,8 @@ class WholePlotConfirming(Confirming):
             outputs={name: np.zeros(n) for name in self.data.transducers},
             replicate=np.array([p.replication for p in run_list.points]),
         )
+        sides = np.array([p.sides[0] for p in run_list.points])
+        return replace(planned, pressure_side=np.where(sides != 0, sides, planned.pressure_side))
 
 
 def _terms(questions: Sequence[Question], answer: Confirmation) -> list[str]:

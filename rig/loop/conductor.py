@@ -38,7 +38,7 @@ from rig.run_file.events.loops import (
 from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import Result, Site, resume_run, start_run
 from rig.runs.plans import Plan, plan_of
-from rig.verbs.confirm import Confirmed, First, consider, traces_kept
+from rig.verbs.confirm import Confirmed, First, Proposal, consider, traces_kept
 from rig.verbs.confirm.further_plan import procedure_text
 from rig.who import Operator
 
@@ -309,8 +309,10 @@ class Conductor:
             self.record(event)
         return event is not None
 
-    def _decision(self, *, closing: bool = True) -> Decision:
-        """The next step, from all runs so far; runs for a person only if the loop closes without one."""
+    def _decision(self, *, closing: bool = True, helps: Callable[[Proposal], float] | None = None) -> Decision:
+        """The next step, from all runs so far; runs for a person only if the loop closes without one. `helps` as for
+        `decide`.
+        """
         try:
             told = self._evaluated()
         except FAULTS as error:
@@ -325,7 +327,7 @@ class Conductor:
         left = Left((self.program.ends_s - elapsed_s) / 3600.0, self._runs_left, self.program.allow)
         first = replace(self.first, begins_s=elapsed_s)
         first = replace(first, confirming=first.confirming.at_rest(self.between.stands_at))
-        decision = decide(first, told, bounds, left, self.considered, closing=closing)
+        decision = decide(first, told, bounds, left, self.considered, closing=closing, helps=helps)
         return with_left_over(decision, first, told)
 
     def _evaluated(self) -> Confirmed | None:

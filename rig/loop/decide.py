@@ -120,6 +120,7 @@ def decide(
     considered: Considers = consider,
     *,
     closing: bool = True,
+    helps: Callable[[Proposal], float] | None = None,
 ) -> Decision:
     """The next step.
 
@@ -130,6 +131,7 @@ def decide(
         left: time, runs and permissions that are left.
         considered: gives the possible runs, the best first.
         closing: whether the loop closes without a run, so that runs for a person are looked for.
+        helps: what a run brings per hour, by what hangs on each question; by default the order of the possible runs.
     """
     if not first.questions:
         return Decision(None, "the trace of the first run found nothing that would have to be confirmed", settled=True)
@@ -172,6 +174,8 @@ def decide(
         takes = f"the shortest run that may decide it takes {duration(3600.0 * least.hours)}"
         return Decision(None, f"{words}; {time} are left, and {takes}", settled, for_people())
     best = short[0]
+    if helps is not None:
+        best = max((run for run in short if run.worth > 0), key=helps, default=best)
     what = f"{best.variation.what}, {best.size}, takes {duration(3600.0 * best.hours)} of {time}"
     gain = gain_per_h(best)
     if gain < bounds.least_gain:

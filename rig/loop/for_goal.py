@@ -44,7 +44,7 @@ def for_goal(
     replications: int,
     left_h: float,
     loop_h: float,
-    decision: Callable[[], Decision],
+    decision: Callable[..., Decision],
 ) -> GoalStep:
     """The next step, by all runs so far.
 
@@ -54,7 +54,7 @@ def for_goal(
         replications: number of those of the first run.
         left_h: time left for replications, hours.
         loop_h: time left for the loop, hours.
-        decision: gives the best further run; asked if one more replication would be made.
+        decision: gives the best further run, by its gain per hour; asked if one more replication would be made.
 
     Raises:
         RigError: the goal cannot be judged, or a file cannot be read; `DataError` and `FitError` likewise.
@@ -69,11 +69,14 @@ def for_goal(
         return GoalStep(None, f"run {last.planned.number} ({last.planned.what}) ended by a fault; {look.why}")
     if touched := evaluation.touched:
         return GoalStep(None, f"no replication is added after somebody changed the bench in {touched}; {look.why}")
-    further = decision()
+    first = evaluation.first
+    asked = open_questions(first, told, alone=program.bounds.bounds.stop_when == "alone")
+    if not asked:
+        return GoalStep(look.more, look.why)
+    at_stake = stake(first, told, asked, partial(aims_by, goal, made))
+    further = decision(helps=partial(at_stake.gain_per_h, made.count))
     if further.run is None:
         return GoalStep(look.more, look.why)
-    asked = open_questions(evaluation.first, told, alone=program.bounds.bounds.stop_when == "alone")
-    at_stake = stake(evaluation.first, told, asked, partial(aims_by, goal, made))
     left = HoursLeft(loop_h - PARKING_H, left_h - PARKING_H, hours, look.needed)
     plan = planned(at_stake, made.count, further.run, left, returns=not further.run.variation.person)
     return GoalStep(look.more, f"{look.why}; {plan.why}", further if plan.run_next else None)

@@ -65,6 +65,10 @@ class Stake:
         scatter = np.maximum(scatter - self.least**2, 0.0) * count / (count + more)
         return float(np.sqrt(np.max((scatter + self.least**2 + (1.0 - chances) @ self.shift**2) / self.goal**2)))
 
+    def gain_per_h(self, count: int, run: Proposal) -> float:
+        """Part of the error that a further run takes away, by forecast, per hour of its bench time."""
+        return (1.0 - self.error(count, 0, run) / self.error(count)) / run.hours
+
 
 def chance(run: Proposal, effect: str) -> float:
     """Probability that a run settles the question of an effect; 0 if it was not planned for it."""
@@ -193,19 +197,19 @@ def planned(stake: Stake, count: int, run: Proposal, left: HoursLeft, *, returns
     after = left.replications(before_h=run_h) if returns else 0
     beside, alone = max(before, after), left.replications()
     now, with_run, without = stake.error(count), stake.error(count, beside, run), stake.error(count, alone)
-    by_run, by_one = 1.0 - stake.error(count, 0, run) / now, 1.0 - stake.error(count, 1) / now
+    run_per_h, by_one = stake.gain_per_h(count, run), 1.0 - stake.error(count, 1) / now
     why = (
         f"by forecast one more replication takes {_percent(by_one)} from the error of the aimed values "
         f"({by_one / left.each_h:.2g} per hour), and a further run, {run.variation.what}, {run.size}, "
-        f"{duration(3600.0 * run.hours)}, {_percent(by_run)} ({by_run / run.hours:.2g} per hour); at the end it would "
-        f"be {with_run:.2g} of the goal with the run and {_more(beside)}, {without:.2g} with {_more(alone)} alone"
+        f"{duration(3600.0 * run.hours)}, {_percent(run_per_h * run.hours)} ({run_per_h:.2g} per hour); at the end it "
+        f"would be {with_run:.2g} of the goal with the run and {_more(beside)}, {without:.2g} with {_more(alone)} alone"
     )
     if with_run >= without:
         return HourPlan(False, f"{why}: the goal has the time")
     if before > after:
         later = "the run would pass their deadline" if returns else "somebody changes the bench in the run"
         return HourPlan(False, f"{why}: replications come first, because {later}")
-    first = beside == 0 or by_run / run.hours > by_one / left.each_h
+    first = beside == 0 or run_per_h > by_one / left.each_h
     return HourPlan(first, f"{why}: {'the run' if first else 'a replication'} comes first")
 
 

@@ -146,6 +146,19 @@ def test_a_longer_run_that_the_time_does_not_hold_is_named_with_its_hours(met: P
     assert ", takes 3 h 00 min and settles everything with " in told.why.partition("given up")[2]
 
 
+def test_of_the_possible_runs_the_one_that_helps_the_goal_most_is_made(met: Program):
+    with CrashedLoop(met.path.parent, EVALUATIONS).watched():
+        first = open_traced(met.segments[0])
+    one = consider(first, only=lambda one: one.varies == "again", changes=False)[0]
+    runs = [one, replace(one, hours=one.hours + 0.1), replace(one, hours=one.hours + 0.2)]
+    told = decide(
+        first, None, LoopSettings(), Left(3.0, 3, LoopSettings().allow), lambda _, **_how: runs,
+        helps=lambda run: 1.0 if run is runs[1] else 0.0,
+    )  # fmt: skip
+    assert told.run is runs[1]
+    assert runs[1].worth > 0
+
+
 def test_a_name_that_no_sensor_has_is_said_with_the_known_ones(tmp_path: Path):
     program = with_goal(tmp_path, "sigma = { S_V = 1e-6 }\nleast_replications = 2")
     assert "no sensor has such a value; known: 1, input_V" in why(program)

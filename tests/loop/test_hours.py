@@ -91,3 +91,12 @@ def test_a_run_in_which_somebody_changes_the_bench_comes_last():
     plan = planned(stake_of(shift=2.0), COUNT, run_of(0.9, 1.0), left(), returns=False)
     assert not plan.run_next
     assert plan.why.endswith("somebody changes the bench in the run")
+
+
+def test_the_question_on_which_most_hangs_is_asked_first():
+    """Of two runs that settle one question each, in the same time."""
+    one, shift = np.ones(1), np.array([[0.1], [3.0]])
+    stake = Stake(one, 2.0 * one, 0.0 * one, shift, np.full((2, 1), 2.0), ("small", "large"))
+    runs = [run_of(0.95, 1.0, effect) for effect in ("small", "large")]
+    assert max(runs, key=lambda run: stake.gain_per_h(COUNT, run)) is runs[1]
+    assert stake.gain_per_h(COUNT, run_of(0.95, 2.0, "large")) == pytest.approx(stake.gain_per_h(COUNT, runs[1]) / 2)
