@@ -5,9 +5,7 @@ significant.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, TypeVar
-
-import numpy as np
+from typing import Protocol, TypeVar, runtime_checkable
 
 from rig.fitter.effects.history import nats
 from rig.fitter.trace.aliases import Named, Rival, simplest
@@ -35,6 +33,14 @@ class Searched(Protocol):
 
     def refined(self: S, chosen: tuple[int, ...]) -> S:
         """The judge with refined values of the searched constants of `chosen`."""
+
+
+@runtime_checkable
+class Bounds(Protocol):
+    """A judge that is done sooner where a level is all that counts."""
+
+    def p_up_to(self, chosen: tuple[int, ...], j: int, most: float) -> float:
+        """`p_adjusted`; one above `most` need only be known to be above it."""
 
 
 class Judge(Searched, Protocol):
@@ -75,12 +81,17 @@ def prune(judge: Searched, chosen: tuple[int, ...], level: float = ALPHA) -> tup
     """`chosen` without the units whose p beside the others is above a level, the weakest dropped first."""
     while chosen:
         units = list(dict.fromkeys(tuple(k for k in judge.unit(j) if k in chosen) for j in chosen))
-        p = [judge.p_adjusted(chosen, unit[0]) for unit in units]
-        weakest = int(np.argmax(p))
-        if p[weakest] <= level:
+        weak = [unit for unit in units if not _significant(judge, chosen, unit[0], level)]
+        if not weak:
             break
-        chosen = tuple(j for j in chosen if j not in units[weakest])
+        weakest = weak[0] if len(weak) == 1 else max(weak, key=lambda unit: judge.p_adjusted(chosen, unit[0]))
+        chosen = tuple(j for j in chosen if j not in weakest)
     return chosen
+
+
+def _significant(judge: Searched, chosen: tuple[int, ...], j: int, level: float) -> bool:
+    p = judge.p_up_to(chosen, j, level) if isinstance(judge, Bounds) else judge.p_adjusted(chosen, j)
+    return p <= level
 
 
 def search_and_name(
@@ -98,7 +109,7 @@ def search_and_name(
                 first = by_history(judge.candidates, alike := judge.alike(settled, name), lead(alike))
                 others = tuple(j for j in settled if judge.candidates[j].effect.name != name)
                 named = (*others, *first.terms)
-                if all(judge.p_adjusted(named, j) <= ALPHA for j in first.terms):
+                if all(_significant(judge, named, j, ALPHA) for j in first.terms):
                     settled = named
         if frozenset(settled) == frozenset(chosen):
             break

@@ -22,6 +22,7 @@ from rig.fitter.trace.engine.rivals import rivals
 from rig.fitter.trace.engine.score import View
 from rig.fitter.trace.engine.shared import Shared
 from rig.fitter.trace.jointly import nearest, ranks
+from rig.fitter.trace.search import prune
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.effects.of_instruments import BORDERS, range_gain, range_step
 from rig.procedures.general.effects.scene import Stood, TableScene
@@ -70,6 +71,51 @@ def test_a_certain_score_needs_no_simulation_and_has_the_p_of_one(monkeypatch):
     assert slow.best(()) == found
     assert slow.p_adjusted(found, found[0]) == p
     assert asked
+
+
+def test_names_of_a_large_table_are_not_looked_for_again_in_its_parts(monkeypatch):
+    """Their sizes are estimated anew; a search of each part was a third of the trace of a lag in 4,800 rows."""
+    problem = problem_of(data_of(Lab(1200, 2, clock=True), effect=MISSING["drift"].at(1.0)))
+    whole = TableJudge(problem)
+    found = whole.best(())
+    monkeypatch.setattr(cross, "search_and_name", None)
+    errors, words, _ = cross.left_out(problem, whole, found, np.array([7]))
+    assert words == "random rows"
+    assert errors[1] < 0.8 * errors[0]
+
+
+def test_what_is_plainly_nothing_is_not_held_against_simulated_tables(monkeypatch):
+    """Its own p is above the level, and that of the best of all effects is larger still."""
+    asked = []
+    simulated = judge.family_of
+    monkeypatch.setattr(judge, "family_of", lambda *args, **told: asked.append(args[1]) or simulated(*args, **told))
+    problem = problem_of(data_of(Lab(1200, 2, clock=True)))
+    quick, slow = TableJudge(problem), TableJudge(problem)
+    weak = list(quick.promising(()))[-3:]
+    assert all(quick.adjusted((), j, ALPHA) > ALPHA for j in weak)
+    assert not asked
+    assert all(slow.adjusted((), j) > 2.0 * ALPHA for j in weak)
+    assert asked
+
+
+def test_one_weak_effect_is_dropped_without_its_exact_p():
+    asked = []
+
+    class Of:
+        """A judge in which 2 is weak, and 3 weaker without it."""
+
+        def unit(self, j):
+            return (j,)
+
+        def p_adjusted(self, chosen, j):
+            return self.p_up_to(chosen, j, np.inf)
+
+        def p_up_to(self, chosen, j, most):
+            asked.append((j, most))
+            return {2: 0.4, 3: 0.01 if 2 in chosen else 0.5}.get(j, 0.001)
+
+    assert prune(Of(), (1, 2, 3, 4)) == (1, 4)
+    assert {most for _, most in asked} == {ALPHA}
 
 
 def test_an_effect_that_chance_explains_is_refused_before_all_others_are_simulated(problem, monkeypatch):

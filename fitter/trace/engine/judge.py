@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -23,6 +24,12 @@ from rig.fitter.trace.engine.score import Scores, View, ranked, score
 
 SHORTLIST = 8
 """Number of effects examined closely at each step, by their reduction of the residual."""
+MANY = 1000
+"""Rows from which on a score that is certain, or plainly nothing, is not held against simulated ones: they take seconds
+then, and F has its distribution.
+"""
+PLAINLY = 2.0
+"""Ratio to a level above which an effect's own p is above it in whatever family, which is not simulated then."""
 CLOSE = 3.0 * ALPHA
 """Largest p for which the slowest plausible noise is tested too."""
 DOUBTFUL = 5.0
@@ -106,10 +113,17 @@ class TableJudge:
 
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
+        return self.p_up_to(chosen, j, np.inf)
+
+    def p_up_to(self, chosen: tuple[int, ...], j: int, most: float) -> float:
+        """The same; one above `most` need only be known to be above it."""
         whole, rest = tuple(sorted(chosen)), tuple(k for k in chosen if k != j)
         if (whole, j) not in self._p:
             self._grid(whole)  # from which each of them is taken out
-            self._p[whole, j] = 1.0 if self.refused(rest, j) else self.adjusted(rest, j)
+            p = 1.0 if self.refused(rest, j) else self.adjusted(rest, j, most)
+            if p > most:
+                return p
+            self._p[whole, j] = p
         return self._p[whole, j]
 
     def significant(self, chosen: tuple[int, ...], j: int) -> bool:
@@ -240,6 +254,11 @@ class TableJudge:
             self._views[at] = View.of(self.problem, at)
         return self._views[at]
 
+    def taken(self, at: int, chosen: tuple[int, ...]) -> FloatArray:
+        """(n, q) orthonormal basis of the declared columns and some candidates, whitened by covariance `at`."""
+        view, some = self._of_some(at, chosen)
+        return view.taken(some)
+
     def _of_some(self, at: int, terms: Key) -> tuple[View, Key]:
         """The problem whitened by covariance `at`, with some candidates at least, and their numbers in it."""
         known = self._views.get(at)
@@ -321,8 +340,11 @@ class TableJudge:
         if rival != "slow":
             f /= float(scores.scatter[0])
         name, own = self.candidates[j].effect.name, float(evidence(np.array(f), rank, df))
-        if own > CERTAIN and self._least is not None:
-            return self._least
+        if self._many:
+            if own > CERTAIN:
+                return self._least or self.family_for(j, trial.without.best_of(possible[0]), rival).least
+            if math.exp(-own) > PLAINLY * most:
+                return math.exp(-own)
         p = self.family_for(j, trial.without.best_of(possible[0]), rival).adjust(name, own, most)
         if p > min(most, CLOSE) or rival == "slow":
             return p
@@ -368,10 +390,15 @@ class TableJudge:
         """(J,) candidates whose coefficient has a possible sign and size, within three standard errors."""
         return possible(self.problem, self.view(at), self.white(at, chosen), chosen, scores)
 
+    @property
+    def _many(self) -> bool:
+        """Whether there are so many rows that F has its distribution."""
+        return self.problem.n >= MANY
+
     @cached_property
     def _least(self) -> float | None:
         """The least p of every family, if it is known without one."""
-        return least_of(self.problem, self.view(0).width)
+        return least_of(self.problem, self.view(0).width) if self._many else None
 
     @cached_property
     def _weight(self) -> FloatArray:

@@ -264,31 +264,36 @@ class Wandering(ByRows):
 
     def whiten(self, which: IntArray, columns: FloatArray) -> FloatArray:
         """See `Noise`."""
-        out = np.empty((len(which), *columns.shape), columns.dtype if columns.shape[1] >= WIDE else np.float64)
-        several = columns.shape[1] < WIDE and bool(np.all(np.diff(which) == 1))
-        at_once = max(FEW // max(columns.size, 1), 1) if several else 1
+        n, m = columns.shape
+        if m >= WIDE:
+            out = np.empty((len(which), n, m), columns.dtype)
+            for g, white in zip(which.tolist(), out, strict=True):
+                if self._grid[0][g] == 0.0:
+                    white[:] = columns
+                else:
+                    _filtered(self._at_once(g), columns, white)
+            return out
+        # column by column, as LAPACK solves them
+        few, given = np.empty((m, len(which), n)), np.ascontiguousarray(columns.T)
+        at_once = max(FEW // max(columns.size, 1), 1) if np.all(np.diff(which) == 1) else 1
         for i in range(0, len(which), at_once):
-            first, white = int(which[i]), out[i : i + at_once]
-            self._whiten(slice(first, first + len(white)), columns, white)
-        return out
+            self._whiten(int(which[i]), given, few[:, i : i + at_once])
+        return few.transpose(1, 2, 0)
 
-    def _whiten(self, some: slice, columns: FloatArray, white: FloatArray) -> None:
-        """Whiten by neighbouring covariances at once: the state begins anew with the first row of each."""
-        if len(white) == 1 and self._grid[0][some.start] == 0.0:
-            white[0] = columns
+    def _whiten(self, first: int, columns: FloatArray, white: FloatArray) -> None:
+        """Whiten (m, n) by neighbouring covariances (m, g, n): the state begins anew with the first row of each."""
+        if white.shape[1] == 1 and self._grid[0][first] == 0.0:
+            white[:, 0] = columns
             return
-        if columns.shape[1] >= WIDE:
-            _filtered(self._at_once(some.start), columns, white[0])
-            return
-        kept, gain, own, sd = (part[some, :, None] for part in self._steps)
-        if len(white) > 1:
+        kept, gain, own, sd = (part[first : first + white.shape[1]] for part in self._steps)
+        if len(kept) > 1:
             kept = kept.copy()
             kept[:, 0] = 0.0
-        given = (gain * columns).reshape(kept.size, columns.shape[1])
-        state = _recursion(kept.ravel(), given).reshape(white.shape)
-        white[:, 0] = columns[0]
-        np.multiply(own[:, 1:], state[:, :-1], out=white[:, 1:])
-        np.subtract(columns[1:], white[:, 1:], out=white[:, 1:])
+        given = (gain * columns[:, None]).reshape(len(columns), kept.size)
+        state = _recursion(kept.ravel(), given.T).T.reshape(white.shape)
+        white[:, :, 0] = columns[:, None, 0]
+        np.multiply(own[:, 1:], state[:, :, :-1], out=white[:, :, 1:])
+        np.subtract(columns[:, None, 1:], white[:, :, 1:], out=white[:, :, 1:])
         white /= sd
 
     def back(self, at: int, white: FloatArray) -> FloatArray:
@@ -379,7 +384,7 @@ def _recursion(factor: FloatArray, given: FloatArray) -> FloatArray:
         return given
     if not given.shape[1]:  # LAPACK's wrapper writes beyond an array without columns
         return given
-    band = np.ones((2, len(factor)))
-    band[1, :-1] = -factor[1:]
-    solved, _ = dtbtrs(band, given, uplo="L", trans="N", diag="U")
+    band = np.ones((len(factor), 2))  # transposed as LAPACK reads it: its wrapper would copy the other order
+    np.negative(factor[1:], out=band[:-1, 1])
+    solved, _ = dtbtrs(band.T, given, uplo="L", trans="N", diag="U", overwrite_b=True)
     return np.asarray(solved)

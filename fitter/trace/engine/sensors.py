@@ -183,9 +183,9 @@ class Together(TableJudge):
         own = next((one for one in self.alone if one.candidates and one.candidates[0].sensor == sensor), self)
         return self.family(at, rival) if own is self else own.family(at, rival)
 
-    @cached_property
-    def _least(self) -> float | None:
-        return None
+    @property
+    def _many(self) -> bool:
+        return False
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,10 +256,14 @@ class RunJudge:
 
     def p_adjusted(self, chosen: Sequence[int], j: int) -> float:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
+        return self.p_up_to(chosen, j, np.inf)
+
+    def p_up_to(self, chosen: Sequence[int], j: int, most: float) -> float:
+        """The same; one above `most` need only be known to be above it."""
         if self.together is not None and (self._common(chosen) or j not in self._at):
-            return self.together.p_adjusted(tuple(chosen), j)
+            return self.together.p_up_to(tuple(chosen), j, most)
         i, k = self._at[j]
-        return self.alone[i].p_adjusted(self.mine(i, chosen), k)
+        return self.alone[i].p_up_to(self.mine(i, chosen), k, most)
 
     def p_unsigned(self, chosen: Sequence[int], j: int) -> float:
         """The same, whatever the sign and the size of the coefficient of `j`."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -201,9 +200,9 @@ class StrataJudge(TableJudge):
         self.simulated.append((shape, _family(self, at, seed=1 + len(self.simulated), fewest=draws)))
         return self.simulated[-1][1]
 
-    @cached_property
-    def _least(self) -> float | None:
-        return None
+    @property
+    def _many(self) -> bool:
+        return False
 
 
 def _family(judge: StrataJudge, at: int, seed: int, fewest: int) -> TableFamily:

@@ -24,7 +24,10 @@ from rig.procedures.general.trace.estimate import estimate
 
 SMALL, FOLDS, BLOCKS, SEED = 12, 5, 20, 5
 LONG, OF_LONG = 1000, 3
-"""Rows from which on there are so many folds: what is kept then has far more rows than a model has terms."""
+"""Rows from which on there are so many folds: what is kept then has far more rows than a model has terms. Names are
+those of the whole table then, and sizes and constants alone are estimated anew: what a name gains by being looked for
+is less than a hundredth of the error.
+"""
 SHARING = "groups with an error in common"
 """Groups left out in turn: whole plots, or replications."""
 FEWEST_SPARE = 3
@@ -54,9 +57,12 @@ def left_out(
     fold, words = _folds(problem, at)
     fold[apart] = -1
     held = problem.given(sd=judge.problem.sd, noise=judge.problem.noise.only(at))
-    slow = judge.problem.noise.slow
-    rival: Rivalry = "fast" if np.any(slow) and not slow[at] else "any"
-    families: dict[tuple[int, Rivalry], TableFamily] = {(0, "any"): judge.family(at, rival)}
+    families = dict[tuple[int, Rivalry], TableFamily]()
+    if searched := len(chosen) > 0 and problem.n < LONG:
+        slow = judge.problem.noise.slow
+        families[0, "any"] = judge.family(at, "fast" if np.any(slow) and not slow[at] else "any")
+    else:
+        problem, held = problem.only(chosen), held.only(chosen)
     errors, counted = np.zeros((2, problem.n)), fold >= 0
     counts = judge.held(chosen)  # an isolated row counts as three sd here, too
     folds = int(fold.max()) + 1
@@ -65,8 +71,7 @@ def left_out(
         if len(kept) - orthonormal(problem.declared[kept]).shape[1] < FEWEST_SPARE:
             return None
         own = TableJudge(held.rows(kept), families)
-        # where the whole table shows nothing there is one model: no part is searched
-        found = search_and_name(own, lead=own.lead)[1] if chosen else ()
+        found = search_and_name(own, lead=own.lead)[1] if searched else tuple(range(len(chosen)))
         fitted = refined(own, found).only(found)
         whole = tuple(_whole(problem.candidates[j], c) for j, c in zip(found, fitted.candidates, strict=True))
         moved, last = replace(problem, candidates=whole), TableJudge(fitted)

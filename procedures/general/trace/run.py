@@ -196,7 +196,7 @@ def _with_fewer_constants(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[T
 
 def _rss(judge: TableJudge, at: int, chosen: tuple[int, ...]) -> tuple[float, int]:
     """Residual sum of squares under a covariance, and its degrees of freedom."""
-    white, taken = judge.white(at, chosen), judge.view(at).taken(chosen)
+    white, taken = judge.white(at, chosen), judge.taken(at, chosen)
     left = white - taken @ (taken.T @ white)
     return float(left @ left), len(white) - taken.shape[1]
 
@@ -222,7 +222,7 @@ def _simplest_orders(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[int, .
             continue
         trial = tuple(j for j in chosen if j not in mine) + first.terms
         limit = [LEVEL if j in first.terms else ALPHA for j in trial]
-        stands_out = all(judge.p_adjusted(trial, j) <= most for j, most in zip(trial, limit, strict=True))
+        stands_out = all(judge.p_up_to(trial, j, most) <= most for j, most in zip(trial, limit, strict=True))
         rest = tuple(j for j in chosen if j not in mine)
         if stands_out and error_of(judge, trial, trial) < error_of(judge, rest, trial):
             chosen = trial
@@ -267,9 +267,7 @@ def _groups(data: TableData, rows: IntArray | None) -> dict[str, IntArray]:
 def _left(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(n,) residuals without common errors of rows, share of variance in each, and the fitted response."""
     problem, at = judge.problem, judge.beside(chosen).best
-    view = judge.view(at)
-    taken = view.taken(chosen)
-    white = judge.white(at, chosen)
+    taken, white = judge.taken(at, chosen), judge.white(at, chosen)
     left = (white - taken @ (taken.T @ white)) * problem.sd
     basis = orthonormal(problem.model(chosen) / problem.sd[:, None])
     scaled = problem.y / problem.sd

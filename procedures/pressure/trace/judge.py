@@ -68,6 +68,10 @@ class WholePlotJudge:
         """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
         return self.engine.p_adjusted(chosen, j)
 
+    def p_up_to(self, chosen: tuple[int, ...], j: int, most: float) -> float:
+        """The same; one above `most` need only be known to be above it."""
+        return self.engine.p_up_to(chosen, j, most)
+
     def is_bound(self, p: float) -> bool:
         """Whether no simulated run had such a score."""
         return self.engine.is_bound(p)
