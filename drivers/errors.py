@@ -39,7 +39,7 @@ class InstrumentError(DriverError):
     """
 
     def __init__(self, instrument: str, code: int, text: str) -> None:
-        super().__init__(f"{instrument} reports error {code}: {text}" if code else f"{instrument}: {text}")
+        super().__init__(f"{instrument} reports error {code}: {text}" if code else f"{instrument.rstrip(',')}: {text}")
         self.code = code
         self.text = text
 

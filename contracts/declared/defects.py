@@ -64,8 +64,8 @@ def wrong_frames(wire: Wire, own: Mapping[str, str], parameters: Mapping[str, st
             wire.framed(form, parameters)
     except ValueError as error:
         yield f"wire: {error}"
-    if wire.by_frame and any(form.endswith("{line}") for form in wire.reply):
-        yield f"wire.reply = {wire.reply[0]!r} does not tell where an answer ends: it needs an end, or reply_end one"
+    if wire.by_frame and not wire.reply_end and any(form.endswith("{line}") for form in wire.reply):
+        yield f"wire.reply = {wire.reply[0]!r} does not tell where an answer ends: give it an end, or wire.reply_end"
     if wire.by_frame and (wire.protocol == "stream" or wire.echo):
         yield "wire: a stream or an echo needs lines that end with a character of their own"
 

@@ -210,9 +210,12 @@ class Form:
         return fields
 
     def write(self, values: Mapping[str, float | str]) -> str:
-        """The line with these fields; any text is left out."""
+        """The line with these fields; any text is left out, or a stroke where a space would end the line."""
+        ends = (self.parts[:2], self.parts[-2:][::-1])
+        bare = [end[0] for end in ends if len(end) == 2 and isinstance(end[1], str) and " " in (end[1][0], end[1][-1])]
         return "".join(
-            part if isinstance(part, str) else part.write(values[part.name]) if part.name else "" for part in self.parts
+            part if isinstance(part, str) else part.write(values[part.name]) if part.name else "-" * (part in bare)
+            for part in self.parts
         )
 
     def filled(self, known: Mapping[str, str | float]) -> Form:

@@ -169,6 +169,12 @@ class Instrument(Strict):
             if channel.reading is not None:
                 yield f"reader.channels.{name}.reading", channel.reading
 
+    @property
+    def beyond_ascii(self) -> bool:
+        """Whether it sends characters such as a degree sign, one byte each (Latin-1)."""
+        every = [form for _, one in (*self.asks(), *self.tells()) for form in getattr(one, "forms", one.answer)]
+        return not "".join((*every, *self.units, *self.words, *self.wire.reply)).isascii()
+
     def tells(self) -> Iterator[tuple[str, Tell]]:
         """All its commands, with their place in the file."""
         found: list[tuple[str, tuple[Tell, ...]]] = [("prepare", self.prepare), ("local", self.local)]

@@ -67,6 +67,8 @@ class Checksum(Strict):
     init: int = Field(0, ge=0, le=0xFFFFFFFF, description="begin of a crc, a sum or an exclusive or")
     reflect: bool = Field(False, description="of a crc: the lowest bit of each byte comes first, and of the result")
     xorout: int = Field(0, ge=0, le=0xFFFFFFFF, description="the result is exclusive-ored with this")
+    modulo: int = Field(0, ge=0, le=0xFFFFFFFF, description="then the remainder by this is taken; 0: none")
+    plus: int = Field(0, ge=0, le=255, description="then this is added: 32 makes a printable character")
 
     @model_validator(mode="before")
     @classmethod
@@ -95,8 +97,9 @@ class Checksum(Strict):
                 found = reduce(xor, data, self.init)
             case _:
                 own = _Cyclic(self.bits, self.polynomial, self.init, self.reflect, 0)
-                return _crc(data, NAMED.get(self.kind, own)) ^ self.xorout
-        return (found & most) ^ self.xorout
+                found = _crc(data, NAMED.get(self.kind, own))
+        found = (found & most) ^ self.xorout
+        return ((found % self.modulo if self.modulo else found) + self.plus) & most
 
     def shown(self, number: int) -> str:
         """A checksum as it is written; bytes as characters of Latin-1."""

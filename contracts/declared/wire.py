@@ -30,7 +30,7 @@ class Wire(Strict):
         max_length=4,
         description='end of a line that is sent; "": frames end by themselves, as request and reply say',
     )
-    reply_end: str = Field("", max_length=4, description="end of an answer; left out: as send_end")
+    reply_end: str = Field("", max_length=4, description="end of an answer; left out: as send_end, or its frame's")
     timeout_s: float = Field(2.0, ge=0.05, le=60, description="longest wait for an answer")
     pace_s: float = Field(0.0, ge=0, le=10, description="shortest time from one line to the next")
     clear: str = Field(
@@ -51,6 +51,10 @@ class Wire(Strict):
     echo: bool = Field(False, description="it sends every line back before its answer")
     preamble: tuple[str, ...] = Field(
         (), description="lines before all others, and whenever another instrument has used the wire: `++addr 9`"
+    )
+    read: str = Field(
+        "",
+        description="line after a question by which an adapter fetches the answer, and each of its lines: `++read eoi`",
     )
     request: str = Field(
         "{line}", description="a whole line that is sent: {line}, parameters, {checksum}, or {checksum:03}"
@@ -96,6 +100,10 @@ class Wire(Strict):
     def by_frame(self) -> bool:
         """Whether only the frame tells where an answer ends: it has no end, or bytes that may look like one."""
         return not self.send_end or (self.checksum is not None and self.checksum.binary)
+
+    def with_reads(self, line: str, lines: int) -> str:
+        """A question with the lines that fetch its answer of so many lines, without the last end."""
+        return self.send_end.join((line, *[self.read] * lines)) if self.read else line
 
     def frames(self, known: Mapping[str, str | float]) -> tuple[FrameOfLine, Replies] | None:
         """Frames of what is sent and of answers; None if lines have none. Raises `ValueError`."""

@@ -139,22 +139,23 @@ class DeclaredReader(Declared):
             assert self._reader.reading is not None
             found = self._taken(self._reader.reading, {})
             return {name: self._read(self._reader.reading, one, found) for name, one in self._channels.items()}
-        readings = {}
         self._talk.sweep()
-        for name, one in self._channels.items():
-            ask = one.reading or self._reader.reading
-            assert ask is not None
-            holes = {"channel": one.is_ or name}
-            for command in self._reader.select:
-                self._talk.tell(command, holes)
-            if self._reader.settle_s:
-                self._clock.sleep(self._reader.settle_s)
-            if self._reader.confirm is not None:
-                self._talk.ask(self._reader.confirm, holes)
-            for _ in range(self._reader.discard):
-                self._taken(ask, holes)
-            readings[name] = self._read(ask, one, self._taken(ask, holes))
-        return readings
+        return {name: self._of_channel(name, one)[0] for name, one in self._channels.items()}
+
+    def _of_channel(self, name: str, one: Channel, count: int = 1) -> list[tuple[str, float]]:
+        """Readings of one channel after choosing it."""
+        ask = one.reading or self._reader.reading
+        assert ask is not None
+        holes = {"channel": one.is_ or name}
+        for command in self._reader.select:
+            self._talk.tell(command, holes)
+        if self._reader.settle_s:
+            self._clock.sleep(self._reader.settle_s)
+        if self._reader.confirm is not None:
+            self._talk.ask(self._reader.confirm, holes)
+        for _ in range(self._reader.discard):
+            self._taken(ask, holes)
+        return [self._read(ask, one, self._taken(ask, holes)) for _ in range(count)]
 
     def _taken(self, ask: Ask, holes: Mapping[str, float | str]) -> Answer:
         """An answer that is stable, as the file demands. Raises `NotReady` if none becomes so."""
@@ -237,3 +238,12 @@ class OneByOneReader(DeclaredReader):
     def sweep_s(self) -> float:
         """Duration of one sweep over all channels, seconds."""
         return self._sweep_s()
+
+    def twice_each(self, rounds: int, most: int) -> list[tuple[float, float]]:
+        """Two readings of each channel whenever it has been chosen, for so many channels at most, one after another."""
+        found = []
+        for _ in range(rounds):
+            for name, one in list(self._channels.items())[:most]:
+                first, second = self._of_channel(name, one, 2)
+                found.append((first[1], second[1]))
+        return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import reduce
 from typing import NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Tell
@@ -153,7 +154,7 @@ class Talk(ABC):
             return wanted in (found.printed, found.meaning or None)
         return agrees(found.printed, wanted) or agrees(f"{found.value!r}", wanted)
 
-    def meant(self, ask: Ask, printed: str, number: float | None) -> str:
+    def meant(self, ask: Ask, printed: str, number: float | None, holes: Holes = NOTHING) -> str:
         """Meaning of a word or number. Raises `InstrumentError` if it means an error."""
         words = {**self.table.words, **ask.words}
         found = words.get(printed)
@@ -163,5 +164,6 @@ class Talk(ABC):
             return ""
         kind, _, text = found.partition(":")
         if kind == "error":
-            raise InstrumentError(f"{self.where}, asked {ask.said!r},", 0, text.strip() or f"error {printed!r}")
+            said = reduce(lambda line, hole: line.replace(f"{{{hole}}}", f"{holes[hole]}"), holes, ask.said)
+            raise InstrumentError(f"{self.where}, asked {said!r},", 0, text.strip() or f"error {printed!r}")
         return kind

@@ -6,6 +6,7 @@ import contextlib
 import math
 import re
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Tell
@@ -14,6 +15,7 @@ from rig.contracts.declared.instrument import Instrument
 from rig.contracts.declared.sums import Frame
 from rig.contracts.declared.units import same_unit
 from rig.drivers.clock import Clock
+from rig.drivers.declared.known_lines import sync_of
 from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
 from rig.drivers.errors import BadReply, InstrumentError, NoReply
 from rig.drivers.scpi import agrees, forget_errors
@@ -88,8 +90,8 @@ class TextTalk(Talk):
                 send_end=wire.send_end.encode("ascii") if settings.send_end is None else settings.send_end,
                 reply_end=(wire.reply_end or wire.send_end).encode("ascii")[-1:],
                 timeout_s=wire.timeout_s,
-                sync=None if self._shared or wire.echo or wire.request != "{line}" else _sync(table),
-                encoding="latin-1" if wire.by_frame else "ascii",
+                sync=None if self._shared or wire.echo or wire.request != "{line}" else sync_of(table),
+                encoding="latin-1" if wire.by_frame or table.beyond_ascii else "ascii",
             ),
             name,
         )
@@ -143,12 +145,19 @@ class TextTalk(Talk):
             raise self.line.bad_reply(question, line, f"the checksum {found[1]}")
         return found[0]
 
-    def _whole(self, received: bytes) -> bool:
+    def _whole(self, received: bytes, *, lines: int = 1) -> bool:
         """Whether an answer whose frame tells its end is complete."""
         text = received.decode("latin-1")
-        ended = self._frames is not None and text.endswith(self._end)
-        found = self._frames[1].read(text.removesuffix(self._end)) if ended and self._frames is not None else None
-        return found is not None and not found[1]
+        if not text.endswith(self._end):
+            return False
+        every = self._apart(text, lines)
+        found = [self._frames[1].read(one) for one in every] if self._frames is not None else []
+        return len(every) == lines and all(one is not None and not one[1] for one in found)
+
+    def _apart(self, text: str, lines: int) -> list[str]:
+        """Lines of an answer; one alone may have bytes in it that look like an end."""
+        text = text.removesuffix(self._end)
+        return text.split(self._end) if lines > 1 and self._end else [text]
 
     def _write(self, line: str, frame: Frame | None) -> None:
         self._begin()
@@ -162,11 +171,11 @@ class TextTalk(Talk):
     ) -> str:
         """The answer to a line. Raises `NoReply`, `BadReply`."""
         self._begin()
-        sent = self._framed(line, frame)
+        sent = self.table.wire.with_reads(self._framed(line, frame), lines)
         if not self.table.wire.echo:
-            whole = self._whole if self.table.wire.by_frame else None
+            whole = partial(self._whole, lines=lines) if self.table.wire.by_frame else None
             found = self.line.query_lines(sent, lines, timeout_s, repeat=repeat, whole=whole)
-            found = [one.removesuffix(self._end) for one in found] if whole is not None else found
+            found = self._apart(found[0], lines) if whole is not None else found
         else:
             first, *found = self.line.query_lines(sent, lines + 1, timeout_s, repeat=repeat)
             if first != sent.strip():
@@ -254,7 +263,7 @@ class TextTalk(Talk):
             if name == ask.field and (name == "value" or text not in words):
                 printed = text
                 number = self._number(ask, form, raw, text)
-                meaning = meaning or (self.meant(ask, text, number) if words else "")
+                meaning = meaning or (self.meant(ask, text, number, holes) if words else "")
                 if ask.bit is not None:
                     meaning = "on" if int(number) >> ask.bit & 1 else "off"
                 value = ask.quantity(number)
@@ -264,7 +273,7 @@ class TextTalk(Talk):
                 if not agrees(text, holes[name]):
                     raise self.bad(ask, raw, f"{name} {holes[name]}: this is another one's answer")
             elif words and not field.number and name not in TEXTS:
-                said = self.meant(ask, text, float(text) if _NUMBER.fullmatch(text) else None)
+                said = self.meant(ask, text, float(text) if _NUMBER.fullmatch(text) else None, holes)
                 if not said and name.startswith("state"):
                     raise self.bad(ask, raw, f"one of its words: {', '.join(words)}")
                 meaning = meaning or said
@@ -390,25 +399,3 @@ class TextTalk(Talk):
 def _of_one(forms: Sequence[Form], *lines: str) -> Form | None:
     """The first form that one of some lines has."""
     return next((form for form in forms if any(form.read(line) is not None for line in lines)), None)
-
-
-def question_of(table: Instrument) -> str:
-    """The question for its identity as it is sent, in its frame and with its end, by the parameters of its file."""
-    assert table.identity is not None
-    line, frames = (
-        Form(table.identity.ask or "").filled(table.parameters).write({}),
-        table.wire.frames(table.parameters),
-    )
-    return (line if frames is None else frames[0].write(line)) + table.wire.send_end
-
-
-def _sync(table: Instrument) -> tuple[str, str] | None:
-    """A question for synchronisation, and a text in all its answers: the identity, if it says enough."""
-    identity = table.identity
-    if identity is None or identity.ask is None or "{" in identity.ask:
-        return None
-    known = {"maker": table.maker, "model": table.model[0]} if len(table.model) == 1 else {}
-    literal = Form(identity.forms[0]).filled(known).literal if len(identity.forms) == 1 else ""
-    if not literal and known and all("{model}" in form for form in identity.forms):
-        literal = table.model[0]
-    return (identity.ask, literal) if len(literal) >= 2 else None

@@ -46,15 +46,18 @@ def instrument(
         float | None,
         typer.Option("--set", help="check: prepare it, set this value, then make it safe", show_default=False),
     ] = None,
+    prepare: Annotated[
+        bool, typer.Option("--prepare", help="check: prepare it, so that units and ranges are those of the file")
+    ] = False,
     wait: Annotated[float, typer.Option(min=0, help="check: longest wait until it has settled, seconds")] = 3600.0,
     report: Annotated[Path | None, typer.Option(help="check: write a report (Markdown)", show_default=False)] = None,
     as_json: JsonOption = False,
 ) -> int:
     """List, show, check, begin or look for instruments that are tables: `driver = "./my_bath.toml"`.
 
-    `check` sends only questions, and what chooses a channel, unless it is told to set a value. `new` asks what the
-    manual says, and writes a commented file. `scan` asks at the named addresses who is there, and nothing else. Ends
-    with 1 if an instrument is not as its file says, with 78 if a file is wrong.
+    `check` sends only questions, and what chooses a channel, unless it is told to prepare it or to set a value. `new`
+    asks what the manual says, and writes a commented file. `scan` asks at the named addresses who is there, and nothing
+    else. Ends with 1 if an instrument is not as its file says, with 78 if a file is wrong.
 
     Examples:
 
@@ -75,7 +78,7 @@ def instrument(
             return _new(Path(given[0]))
         case Action.SCAN:
             return _scan(given, as_json=as_json)
-    return _check(given, address, _options(option or []), set_, wait, report, as_json=as_json)
+    return _check(given, address, _options(option or []), set_, wait, report, prepare=prepare, as_json=as_json)
 
 
 def _list(*, as_json: bool) -> int:
@@ -162,6 +165,7 @@ def _check(
     wait: float,
     report: Path | None,
     *,
+    prepare: bool,
     as_json: bool,
 ) -> int:
     from rig.verbs.instrument.catalogue import text_named  # noqa: PLC0415
@@ -173,7 +177,7 @@ def _check(
         for number in (signal.SIGTERM, signal.SIGHUP):
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, signal.default_int_handler)
-    found = [check(*text_named(name), address, options, setpoint, wait) for name in names]
+    found = [check(*text_named(name), address, options, setpoint, wait, prepare=prepare) for name in names]
     if report is not None:
         pages = "\n".join(one.report() for one in found)
         write_whole(report, lambda file: file.write(pages))

@@ -41,8 +41,9 @@ class LinesTwin(Behaviour):
         self._frames = wire.frames(self._parameters)
         every = [*(ask.frame for _, ask in self.table.asks()), *(tell.frame for _, tell in self.table.tells())]
         own = dict.fromkeys(template for template in every if template is not None)
-        self._own_frames = [wire.framed(template, self._parameters) for template in own]
-        self._lines = [_Line(self._form(line), "preamble", None) for line in wire.preamble]
+        self._own_frames = {template: wire.framed(template, self._parameters) for template in own}
+        asked_by = [wire.read] if wire.read else []  # its answer has been sent by then
+        self._lines = [_Line(self._form(line), "preamble", None) for line in (*wire.preamble, *asked_by)]
         for place, ask in self.table.asks():
             if ask.ask is not None:
                 self._lines.append(_Line(self._line_form(ask.ask), place, ask))
@@ -119,10 +120,33 @@ class LinesTwin(Behaviour):
         for byte in data:
             self._input += bytes((byte,))
             text = self._input.removesuffix(self._send_end) if self._input.endswith(self._send_end) else b""
-            if text and self._unframed(text.decode("latin-1")) is not None:
+            if text and self._ends(text.decode("latin-1")):
                 found.append(text)
                 self._input = b""
         return found
+
+    def _ends(self, text: str) -> bool:
+        """Whether what has come is a whole frame: with an end, or else around a line that is known."""
+        if self._unframed(text) is None:
+            return False
+        request = self.table.wire.request
+        if self._own_frames or self._frames is None or (request.endswith("{line}") and not self._send_end):
+            return self._of_its_frame(text) is not None or (
+                self._frames is not None and not request.endswith("{line}") and self._frames[0].read(text) is not None
+            )
+        return True
+
+    def _of_its_frame(self, text: str) -> str | None:
+        """The line in a frame in which the file sends it; None if there is none."""
+        for form, place, what in self._lines:
+            template = what.frame if what is not None else None
+            frame = self._own_frames[template] if template is not None else self._frames and self._frames[0]
+            found = (text, "") if frame is None or place == "preamble" else frame.read(text)
+            if found is None or found[1]:
+                continue
+            if any(form.read(one, strict=False) is not None for one in (found[0], found[0].strip())):
+                return found[0]
+        return None
 
     def _line(self, text: str, tx: Callable[[bytes], None], session: int) -> None:
         if session != self._session:
@@ -139,22 +163,26 @@ class LinesTwin(Behaviour):
         if found is None:
             return
         answer, after_s = found
-        sent = partial(self._send, answer, tx, session)
+        sent = partial(self._send, answer, tx, session, self._count_of_lines(line))
         if after_s > 0:
             self._free = self.world.now() + after_s
             self.world.call_in(after_s, sent)
         else:
             sent()
 
-    def _send(self, answer: str | Callable[[], str], tx: Callable[[bytes], None], session: int) -> None:
+    def _send(self, answer: str | Callable[[], str], tx: Callable[[bytes], None], session: int, lines: int = 1) -> None:
         if session == self._session:
-            tx(self._framed(answer if isinstance(answer, str) else answer()).encode("latin-1") + self._reply_end)
+            every = (answer if isinstance(answer, str) else answer()).split(" ", lines - 1)
+            for one in (*every, *["-"] * (lines - len(every))):
+                tx(self._framed(one).encode("latin-1") + self._reply_end)
 
     def _unframed(self, text: str) -> str | None:
         """The line in its frame; None if it is for another instrument, or damaged."""
         if self._frames is None and not self._own_frames:
             return text
-        for frame in (*self._own_frames, *([self._frames[0]] if self._frames is not None else [])):
+        if (known := self._of_its_frame(text)) is not None:
+            return known
+        for frame in (*([self._frames[0]] if self._frames is not None else []), *self._own_frames.values()):
             found = frame.read(text)
             if found is not None and not found[1]:
                 return found[0]
@@ -192,11 +220,16 @@ class LinesTwin(Behaviour):
             return self._printed(what, self._with_others(place, what, told), holes), 0.0
         raise Refused
 
+    def _count_of_lines(self, line: str) -> int:
+        """Lines of the answer to a question."""
+        known = self._whole.get(line.casefold())
+        return known.what.lines if known is not None and isinstance(known.what, Ask) else 1
+
     def _acknowledged(self, tell: Tell, holes: Mapping[str, float | str]) -> str:
         """The acknowledgement of a command: it may repeat what was set."""
         form = self._form(tell.answer[0])
         said: dict[str, float | str] = {"unit": self._unit(), "text": "done", **holes}
-        return form.write({name: said.get(name, "0") for name in form.fields})
+        return form.write({name: said.get(name, 0.0 if field.number else "0") for name, field in form.fields.items()})
 
     def _with_others(self, place: str, ask: Ask, said: Said) -> Said:
         """An answer with the fields that other questions of the file read in it."""
@@ -272,6 +305,8 @@ class LinesTwin(Behaviour):
             if isnan(said.value) or (said.meaning in words and said.meaning in ("on", "off", "vent", "overload")):
                 return words.get(said.meaning)
             return self._number(ask, field, said.value)
+        if field.number:
+            return 0.0
         if said.meaning in words:
             return words[said.meaning]
         if words or said.meaning in ("on", "off"):

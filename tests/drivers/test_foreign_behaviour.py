@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import socketserver
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import pytest
 from declared_bench import DeclaredBench
 
 from rig.contracts.declared.forms import step_of
 from rig.contracts.declared.instrument import parse
-from rig.drivers.errors import BadReply
+from rig.drivers.errors import BadReply, InstrumentError
+from rig.verbs.instrument.check import check
 
 SOURCE = r"""
 maker = "ACME"
@@ -79,3 +85,242 @@ class TestSetpoints:
         text = SOURCE.replace(', answer = "SP {value:.2}"', "").replace("tolerance = 0.1", 'settled = "ARRIVED?"')
         with pytest.raises(ValueError, match=r"setpoint is missing: .* or read with tolerance"):
             parse(text)
+
+
+BEHIND_AN_ADAPTER = r"""
+maker = "ACME"
+model = "V1"
+prepare = ["RANGE 10"]
+[parameters]
+node = 7
+[wire]
+preamble = ["++auto 0", "++addr {node}"]
+read = "++read"
+[identity]
+ask = "WHO"
+lines = 3
+answer = "{maker} {model} {}"
+[errors]
+ask = "ERR"
+answer = "{code}"
+queue = false
+[reader]
+unit = "V"
+reading = { ask = "X?", answer = "{value}" }
+"""
+HANDSHAKE = r"""
+maker = "ACME"
+model = "G1"
+check = [{ ask = "UNIT", is = 0 }]
+[wire]
+send_end = ""
+request = "{line}\r\u0005"
+reply = ["\u0006\r\n{line}\r\n", "\u0015\r\n"]
+[identity]
+ask = "MODEL"
+answer = "{model}"
+[reader]
+unit = "mbar"
+reading = { ask = "PR{channel}", answer = "{state},{value:+.4e2}", words = { 0 = "stable", 4 = "error: it is off" } }
+[reader.channels]
+pirani = { is = "1" }
+cold = { is = "2" }
+"""
+NO_FRAME = r"""
+maker = "ACME"
+model = "B1"
+[wire]
+send_end = ""
+reply_end = "\r\n"
+[identity]
+ask = "\u001bx1_"
+answer = "{model} {}"
+lines = 2
+[reader]
+unit = "g"
+reading = { ask = "\u001bP", answer = "{value:10.4} {unit}" }
+"""
+PROBE = r"""
+maker = "ACME"
+model = "H1"
+units = { "%RH" = "pct" }
+[wire]
+send_end = "\r"
+request = "{{F00{line}}}"
+reply = "{{F00{line}{checksum}"
+checksum = { kind = "sum", modulo = 64, plus = 32, as = "binary" }
+[identity]
+ask = "RDD"
+answer = "rdd {t:6.2};°C;{};{model}; 000"
+[reader]
+unit = "degC"
+reading = { ask = "RDD", answer = "rdd {t:6.2};°C;{};{model}; 000" }
+channels = { t = { field = "t" } }
+"""
+TWO_LANGUAGES = r"""
+maker = "ACME"
+model = "H2"
+[wire]
+send_end = ""
+request = "{{M{line}\r\n"
+reply = ["{{S{line}\r\n", "[S01V12{line}\r"]
+[identity]
+ask = "[M01V07C6"
+frame = "{line}\r"
+answer = "{model}A9"
+[source]
+unit = "degC"
+low = -40
+high = 200
+set = { tell = "00{value:04x}", scale = 0.01, signed = true, answer = "00{value:04x}" }
+setpoint = { ask = "00****", answer = "00{value:04x}", scale = 0.01, signed = true }
+safe_value = 20
+"""
+FRAME_OF_ALL = '"{} {m:+.3} {sp:+.3} Air"'
+FLOW = rf"""
+maker = "ACME"
+model = "F1"
+[wire]
+send_end = "\r"
+request = "A{{line}}"
+[identity]
+ask = "??M"
+answer = "{{model}} {{}}"
+[source]
+unit = "L_per_min"
+low = 0
+high = 10
+set = {{ tell = "S{{value:.3}}", answer = "{{}} {{m:+.3}} Air" }}
+setpoint = {{ ask = "", answer = {FRAME_OF_ALL}, field = "sp" }}
+read = {{ ask = "", answer = {FRAME_OF_ALL}, field = "m" }}
+safe_value = 0
+"""
+
+
+class TestWires:
+    """Each was silent, or unsayable, between the driver and its twin or on the wire."""
+
+    def test_an_adapter_is_told_to_fetch_every_line_of_an_answer(self, bench):
+        it = bench(BEHIND_AN_ADAPTER)
+        assert it.it.identify().model == "V1"
+        assert it.sent == ["++auto 0", "++addr 7", "WHO", "++read", "++read", "++read"]
+        it.it.prepare()
+        it.it.start(1)
+        assert len(it.it.fetch()["input"]) == 1
+        assert it.sent[-4:] == ["X?", "++read", "ERR", "++read"]
+
+    def test_a_handshake_is_a_frame_and_its_error_names_the_question_that_was_sent(self, bench):
+        it = bench(HANDSHAKE)
+        assert it.it.identify().model == "G1"
+        it.it.prepare()
+        assert it.it.wrong() == ()
+        it.it.start(2)
+        assert {name: len(found) for name, found in it.it.fetch().items()} == {"pirani": 2, "cold": 2}
+        answers(it, PR2="4,+0.0000E+00")
+        it.it.start(1)
+        with pytest.raises(InstrumentError, match=r"asked 'PR2': it is off$"):
+            it.it.fetch()
+
+    def test_commands_without_an_end_have_answers_with_one(self, bench):
+        it = bench(NO_FRAME)
+        it.twin._count_of_lines = lambda line: 2 if "x1" in line else 1
+        assert it.it.identify().model == "B1"
+        it.it.prepare()
+        it.it.start(2)
+        assert len(it.it.fetch()["input"]) == 2
+
+    def test_a_degree_sign_is_one_byte_and_a_sum_may_be_a_printable_character(self, bench):
+        it = bench(PROBE)
+        assert it.it.identify().model == "H1"
+        it.it.prepare()
+        it.it.start(1)
+        assert len(it.it.fetch()["t"]) == 1
+        heard = b"".join(data for way, data in it.wire if way == "rx")
+        assert b";\xb0C;" in heard
+        body, right = heard.split(b"\r")[0][:-1], heard.split(b"\r")[0][-1]
+        assert right == sum(body) % 64 + 32
+        it.twin._framed = lambda line: f"{{F00{line}?"
+        it.it.start(1)
+        with pytest.raises(BadReply, match="right checksum"):
+            it.it.fetch()
+
+    def test_two_languages_on_one_wire_have_frames_of_their_own(self, bench):
+        it = bench(TWO_LANGUAGES)
+        assert it.it.identify().model == "H2"
+        it.it.prepare()
+        it.it.set(-5.0)
+        assert it.it.read().setpoint == -5.0
+        answers(it, **{"004E20": "0007D0"})
+        with pytest.raises(BadReply, match="it took 2000 and not 20000"):
+            it.it.set(200.0)
+
+    def test_one_line_has_reading_and_setpoint(self, bench):
+        it = bench(FLOW)
+        assert it.it.identify().model == "F1"
+        it.it.prepare()
+        it.it.set(2.5)
+        assert it.it.read().setpoint == 2.5
+
+    def test_a_frame_without_an_end_needs_reply_end(self):
+        with pytest.raises(ValueError, match=r"give it an end, or wire\.reply_end"):
+            parse(NO_FRAME.replace('reply_end = "\\r\\n"\n', ""))
+
+
+OLD_FIRST = r"""
+maker = "ACME"
+model = "C1"
+[identity]
+ask = "I"
+answer = "{maker} {model}"
+[reader]
+unit = "degC"
+reading = { ask = "A{channel}", answer = "{value:8.3}C{channel}" }
+[reader.channels]
+p16 = { is = "16" }
+p18 = { is = "18" }
+"""
+
+
+class _Switched(socketserver.BaseRequestHandler):
+    """A bridge whose first reading after a change of channel is that of the channel before, in psi until told."""
+
+    def handle(self) -> None:
+        said, last, value = {"16": 21.3, "18": 21.291}, "16", 21.3
+        for n, line in enumerate(self.request.makefile()):
+            channel = line.strip()[1:]
+            if channel in said:
+                old, last = value if channel != last else said[channel], channel
+                value = said[channel]
+                self.request.sendall(f"{old + 0.0005 * (n % 3):8.3f}C{channel}\n".encode())
+            elif line.strip() != "UNIT 4":
+                self.request.sendall({"I": "ACME C1\n", "UNIT?": "1\n"}[line.strip()].encode())
+
+
+@contextmanager
+def switched() -> Iterator[str]:
+    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), _Switched) as server:
+        server.daemon_threads = True
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"socket://127.0.0.1:{server.server_address[1]}"
+        server.shutdown()
+
+
+class TestCheck:
+    def test_it_finds_a_first_reading_that_is_the_channels_before(self):
+        with switched() as address:
+            found = {step.what: step for step in check(OLD_FIRST, "c", address, {}, None, 1.0).steps}
+            step = found["first reading after choosing"]
+            assert not step.ok
+            assert "write discard = 1" in step.found
+            text = OLD_FIRST.replace('unit = "degC"', 'unit = "degC"\ndiscard = 1')
+            assert check(text, "c", address, {}, None, 1.0).ok
+
+    def test_readings_of_other_settings_are_said_to_be_of_no_known_unit_and_it_may_be_prepared(self):
+        text = 'prepare = ["UNIT 4"]\ncheck = [{ ask = "UNIT?", is = 4 }]\n' + OLD_FIRST
+        with switched() as address:
+            found = {step.what: step for step in check(text, "c", address, {}, None, 1.0).steps}
+            assert "--prepare prepares it" in found["settings"].found
+            assert "unit and range of this are not known" in found["three readings of each channel"].found
+            found = {step.what: step for step in check(text, "c", address, {}, None, 1.0, prepare=True).steps}
+            assert not found["prepare"].ok
+            assert "UNIT? answers 1, not 4" in found["prepare"].found

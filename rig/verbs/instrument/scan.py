@@ -9,7 +9,7 @@ from dataclasses import replace
 from rig.bench.plugins import declared, driver_class
 from rig.contracts.declared.instrument import Instrument, parse
 from rig.drivers.clock import Clock
-from rig.drivers.declared.text import question_of
+from rig.drivers.declared.known_lines import question_of
 from rig.drivers.errors import BadReply, DriverError, NoReply, Unreachable
 from rig.drivers.wires import SerialSettings, Wires
 from rig.instruments.locks import locked_addresses
