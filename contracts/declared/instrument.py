@@ -172,7 +172,8 @@ class Instrument(Strict):
     @property
     def beyond_ascii(self) -> bool:
         """Whether it sends characters such as a degree sign, one byte each (Latin-1)."""
-        every = [form for _, one in (*self.asks(), *self.tells()) for form in getattr(one, "forms", one.answer)]
+        every = [form for _, ask in self.asks() for form in ask.forms]
+        every += [form for _, tell in self.tells() for form in tell.answer]
         return not "".join((*every, *self.units, *self.words, *self.wire.reply)).isascii()
 
     def tells(self) -> Iterator[tuple[str, Tell]]:

@@ -13,7 +13,7 @@ from rig.engine.session import Signals
 from rig.runs.controller import start_run
 from rig.runs.plans import load_plan
 from rig.tables import run_table
-from rig.verbs.plan.dwells import short_dwells
+from rig.verbs.plan.dwells import narrow_bands, short_dwells
 
 VALVE = """
 [instruments.valve]
@@ -169,3 +169,13 @@ def test_a_source_that_reads_back_is_waited_for_and_one_that_does_not_is_told(tm
     files[1].write_text(text)
     (found,) = [one for one in short_dwells(load_plan(*files)) if "chamber" in one]
     assert "which is assumed, 480 s" in found
+
+
+def test_a_band_that_the_instrument_need_not_reach_is_named(tmp_path):
+    """A flow controller that reads 1.004 at 1.000 counts as arrived within 0.02, and the band was 0.002: it waited."""
+    bench = BENCH.replace("dwell_s = 3", 'read = "MEAS?"\ntolerance = 0.02\ndwell_s = 3')
+    (said,) = narrow_bands(planned(tmp_path, bench=bench))
+    assert "until valve reads within 0.005 V of the setpoint, and valve itself counts 0.02 V as arrived" in said
+    assert "factors.valve_V.band = 0.02 waits for the latter" in said
+    wide = FLOW.replace("[factors.valve_V]", "[factors.valve_V]\nband = 0.02")
+    assert list(narrow_bands(planned(tmp_path, bench=bench, procedure=wide))) == []

@@ -60,6 +60,22 @@ def short_dwells(plan: Plan) -> Iterator[str]:
         )
 
 
+def narrow_bands(plan: Plan) -> Iterator[str]:
+    """A sentence for each factor whose band is narrower than what its instrument calls arrived."""
+    options = check_options(plan.bench, "bench.toml")
+    for factor in plan.run_list.factors:
+        setter = plan.bench.setters.get(factor.name, "")
+        within = getattr(options.get(setter), "tolerance", None)
+        settle = plan.procedure.conduct.settled(factor.axis)
+        if within and setter in playing(plan.bench, Source) and not factor.hard and settle.band < within:
+            unit = spelled(unit_of(factor.name))
+            yield (
+                f"{factor.name}: a point waits until {setter} reads within {settle.band:g} {unit} of the setpoint, and "
+                f"{setter} itself counts {within:g} {unit} as arrived: where its reading stays outside, nothing is "
+                f"measured for {settle.timeout_s:g} s. factors.{factor.name}.band = {within:g} waits for the latter"
+            )
+
+
 def unread(plan: Plan) -> Iterator[str]:
     """A sentence for each temperature of whole plots of which nothing says that it has arrived."""
     for factor in plan.run_list.factors:

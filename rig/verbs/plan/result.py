@@ -34,7 +34,7 @@ from rig.runs.forecast import ALLOWANCE, SOAK_ALLOWANCE, Forecast, rehearse
 from rig.runs.plans import Plan as Checked
 from rig.runs.plans import load_plan
 from rig.verbs.frames import Frame, of_rows
-from rig.verbs.plan.dwells import own_readings, short_dwells, unread
+from rig.verbs.plan.dwells import narrow_bands, own_readings, short_dwells, unread
 from rig.verbs.plan.first_settings import first_settings
 from rig.verbs.plan.foreseen import beside, expired, has_due_date, not_stated, registered, stops, surroundings
 from rig.verbs.plan.promised import Promised, promised
@@ -375,7 +375,8 @@ def plan(
         why = f"the design does not determine a sensor: {error}; use more settings"
         raise ConfigurationError(f"{procedure}: {why}") from error
     doubts = [Advice(0, "units", False, sentence) for sentence in unit_doubts(checked)]
-    doubts += [Advice(0, "dwell", False, sentence) for sentence in (*short_dwells(checked), *unread(checked))]
+    of_settling = (*short_dwells(checked), *narrow_bands(checked), *unread(checked))
+    doubts += [Advice(0, "dwell", False, sentence) for sentence in of_settling]
     advice = [*_advice(checked, usage), *doubts]
     forecast = rehearse(checked, on_progress)
     now = _now(checked)
