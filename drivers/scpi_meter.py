@@ -51,7 +51,7 @@ class DescribedMeter(DeclaredReader, Described):
             True, description="number measurements in *SRE, so that late and other readings are recognised"
         )
         overload: float = Field(
-            9.9e37,
+            1e30,
             gt=0.0,
             description="readings of this size or larger are outside the range; the twin's range ends there",
         )

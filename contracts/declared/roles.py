@@ -47,7 +47,7 @@ class Reader(Strict):
     abort: Tells = Field((), description="gives up a measurement")
     reading_s: float = Field(0.0, ge=0, le=600, description="time that a reading takes")
     most: int = Field(10000, ge=1, le=1_000_000, description="largest number of readings at once")
-    overload: float = Field(9.9e37, gt=0, description="readings of this size or larger are outside its range")
+    overload: float = Field(1e30, gt=0, description="readings of this size or larger are outside its range")
     unstable: Treated = Field("wait", description="a reading that is called unstable: accept, wait, refuse")
     patience_s: float = Field(60.0, ge=0, le=3600, description="longest wait for a stable one")
     again_s: float = Field(0.5, ge=0, le=60, description="time until it is asked again")

@@ -13,6 +13,7 @@ from declared_bench import DeclaredBench
 from rig.contracts.declared.forms import step_of
 from rig.contracts.declared.instrument import parse
 from rig.drivers.errors import BadReply, InstrumentError
+from rig.drivers.roles import is_overload
 from rig.verbs.instrument.check import check
 
 SOURCE = r"""
@@ -324,3 +325,12 @@ class TestCheck:
             found = {step.what: step for step in check(text, "c", address, {}, None, 1.0, prepare=True).steps}
             assert not found["prepare"].ok
             assert "UNIT? answers 1, not 4" in found["prepare"].found
+
+
+def test_an_overload_in_another_makers_number_is_no_reading(bench):
+    """A voltmeter prints +200.0000E+33 where others print 9.9E37."""
+    it = bench(OLD_FIRST.replace("{value:8.3}", "{value}"))
+    it.it.prepare()
+    it.twin._carried_out = lambda line: (f"+200.0000E+33C{line[1:]}", 0.0)
+    it.it.start(1)
+    assert is_overload(it.it.fetch()["p16"][0])
