@@ -193,10 +193,10 @@ class LinesTwin(Behaviour):
 
     def _carried_out(self, line: str) -> tuple[str | Callable[[], str], float] | None:
         """The answer to a line, and when it comes. Raises `Refused`."""
-        if line == self.table.errors.ask:
+        if line == self.table.errors.ask and (self.queue or self._status(line) is None):
             return self._told_error(), 0.0
         said = line.removeprefix(":") if self.table.scpi else line
-        whole = self._whole.get(said.casefold())
+        whole = self._status(line) or self._whole.get(said.casefold())
         for form, place, what in self._open if whole is None else (whole,):
             fields = form.read(said, strict=False)
             if fields is None:
@@ -219,6 +219,13 @@ class LinesTwin(Behaviour):
                 return partial(self._later, place, what, holes), told.after_s
             return self._printed(what, self._with_others(place, what, told), holes), 0.0
         raise Refused
+
+    def _status(self, line: str) -> _Line | None:
+        """The question that a line is, of several that read one status: whether it has settled, once it is on."""
+        several = {one.place: one for one in self._lines if isinstance(one.what, Ask) and one.what.ask == line}
+        on = self.quantity is not None and self.quantity.on
+        first = ("source.settled", "source.output") if on else ("source.output", "source.settled")
+        return next((several[place] for place in first if place in several), None)
 
     def _count_of_lines(self, line: str) -> int:
         """Lines of the answer to a question."""

@@ -334,3 +334,42 @@ def test_an_overload_in_another_makers_number_is_no_reading(bench):
     it.twin._carried_out = lambda line: (f"+200.0000E+33C{line[1:]}", 0.0)
     it.it.start(1)
     assert is_overload(it.it.fetch()["p16"][0])
+
+
+STATUS = r"""
+maker = "ACME"
+model = "S1"
+[identity]
+ask = "ID?"
+answer = "{maker} {model}"
+[errors]
+ask = "OC"
+answer = "STS1={code}"
+bits = { 2 = "error in the last command" }
+queue = false
+[source]
+unit = "V"
+low = -12
+high = 12
+set = "S{value:+.4}E"
+setpoint = "OD"
+on = "O1E"
+off = "O0E"
+output = { ask = "OC", answer = "STS1={value}", bit = 4 }
+settled = { ask = "OC", answer = "STS1={state}", words = { 16 = "stable", 24 = "unstable", 0 = "unstable" } }
+"""
+
+
+def test_one_status_word_has_errors_output_and_arrival(bench):
+    it = bench(STATUS)
+    it.it.prepare()
+    it.it.set(5.0)
+    assert it.it.read().output
+    assert not it.it.read().settled
+    it.sleep(60)
+    assert it.it.read().settled
+    it.it.make_safe()
+    assert not it.it.read().output
+    it.twin.queue.append("unknown")
+    with pytest.raises(InstrumentError, match="error in the last command"):
+        it.it._talk.raise_errors()
