@@ -54,7 +54,7 @@ def test_it_is_identified_set_and_made_safe(generator):
 
 def test_its_refusal_is_an_error_in_its_words(generator):
     generator.prepare()
-    with pytest.raises(InstrumentError, match=r"after '!FREQ 0\.60',: it refuses \(FREQ_ERROR\)"):
+    with pytest.raises(InstrumentError, match=r"after '!FREQ 0\.60': it refuses \(FREQ_ERROR\)"):
         generator.set(0.6)  # its own limit is 1
     with pytest.raises(LimitError):
         generator.set(0.4)
