@@ -193,6 +193,18 @@ def test_channels_are_asked_for_and_a_check_reads_each(tmp_path, more, first):
     assert any("103" in one for one in read["wire"])
 
 
+def test_registers_have_channels_too(tmp_path):
+    """Only lines of text were asked for channels."""
+    said = {"Does it take": "modbus", "Does it measure": "reader", "Its channels and their reg": "inlet=1 outlet=3"}
+    text = asked(lambda question, assumed: next((a for q, a in said.items() if question.startswith(q)), assumed))
+    (tmp_path / "m.toml").write_text(text)
+    done = rig("instrument", "check", tmp_path / "m.toml", "--json")
+    assert done.returncode == 0, done.stdout + done.stderr
+    steps = {one["what"]: one for one in json.loads(done.stdout)[0]["steps"]}
+    channels = dict(one.split(": ") for one in steps["three readings of each channel"]["found"].split("; "))
+    assert set(channels) == {"inlet", "outlet"}
+
+
 def test_a_real_meter_that_has_to_be_started_is_not_and_its_check_says_so(file, stranger):
     reader = (
         '[reader]\nunit = "degC"\nstart = "GO {count:d}"\nfetch = { ask = "in_pv_00", answer = "{value}" }\nmost = 1\n'
@@ -204,7 +216,14 @@ def test_a_real_meter_that_has_to_be_started_is_not_and_its_check_says_so(file, 
     assert "GO 3" not in stranger[1]
 
 
-@pytest.mark.parametrize(("role", "more"), [("reader", {"Signal of the reading": "State.Actual"}), ("source", {})])
+@pytest.mark.parametrize(
+    ("role", "more"),
+    [
+        ("reader", {"Signal of the reading": "State.Actual"}),
+        ("reader", {"Its channels and their signals": "is=State.Actual was=State.Setpoint"}),
+        ("source", {}),
+    ],
+)
 def test_a_new_file_with_messages_is_whole_beside_its_dbc(role, more):
     dbc = (Path(__file__).parents[2] / "docs" / "how_to" / "can.md").read_text().split("```text my_chamber.dbc\n")[1]
     dbc = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from rig.contracts.declared.instrument import parse
 
@@ -110,6 +110,7 @@ def _reader(ask: Ask, unit: str) -> Iterator[str]:
         if select:
             yield f"select = {_text(_named(select, first))}"
             yield "# settle_s = 0.1               # wait after choosing"
+        yield "# discard = 1                  # if the first reading after choosing is old; `check` finds that"
     proposed = f"READ? {first}" if channels and not select else "READ?"
     question = ask(f"Question for a reading{f' of channel {first}' if channels else ''}", proposed)
     said = ask("Its answer, as the manual prints it", f"23.45 {unit}")
@@ -139,6 +140,9 @@ def _registers(ask: Ask, role: str, unit: str) -> list[str]:
     scale = ask("A register of 234 that means 23.4 has the scale", "0.1")
     tail = f", scale = {scale} }}"
     if role == "reader":
+        channels = _places(ask, "registers", "inlet=1 outlet=3")
+        if channels:
+            return [*found, *_channels({name: f"{{ register = {one}{tail}" for name, one in channels.items()})]
         return [*found, f"reading = {{ register = {ask('Register of the reading', '1')}{tail}"]
     found += [f"low = {ask('Lowest setpoint', '0')}", f"high = {ask('Highest setpoint', '100')}"]
     setpoint = ask("Register of the setpoint", "2")
@@ -146,6 +150,18 @@ def _registers(ask: Ask, role: str, unit: str) -> list[str]:
     found.append(f"read = {{ register = {ask('Register of its reading', '1')}{tail}")
     found.append(f"safe_value = {ask('Setpoint of its safe state', '25')}")
     return [*found, "tolerance = 0.2", "dwell_s = 60"]
+
+
+def _places(ask: Ask, what: str, such: str) -> dict[str, str]:
+    """Channels and where each is; {} if it has one."""
+    said = ask(f"Its channels and their {what}, such as {such} (empty: it has one)", "")
+    return {name: place for name, _, place in (one.partition("=") for one in said.split())}
+
+
+def _channels(readings: Mapping[str, str]) -> Iterator[str]:
+    """Lines of channels that have a reading each."""
+    yield from ["", "[reader.channels]               # unit = ... in its braces if it has another one"]
+    yield from (f'"{name}" = {{ reading = {reading} }}' for name, reading in readings.items())
 
 
 def _of_source(ask: Ask, asked: Sequence[tuple[str, str, str]]) -> Iterator[str]:
@@ -166,6 +182,9 @@ def _messages(ask: Ask, role: str, unit: str) -> list[str]:
         found.append(f"is = {said if _NUMBER.fullmatch(said) else _text(said)}")
     found += ["", f"[{role}]", f'unit = "{unit}"']
     if role == "reader":
+        channels = _places(ask, "signals", "inlet=Readings.T1 outlet=Readings.T2")
+        if channels:
+            return [*found, *_channels({name: _text(one) for name, one in channels.items()})]
         return [*found, f"reading = {_text(ask('Signal of the reading', 'Readings.Temperature'))}"]
     found += [f"low = {ask('Lowest setpoint', '0')}", f"high = {ask('Highest setpoint', '100')}"]
     found.append(f"set = {_text(ask('Message with the setpoint', 'Command: Setpoint = {value}'))}")
