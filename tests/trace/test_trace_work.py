@@ -306,7 +306,7 @@ def test_weak_effects_are_looked_for_without_a_new_model_for_each(monkeypatch):
     for j in chosen:
         judge.p_adjusted(chosen, j)
     assert len(made) == 1
-    assert set(judge._grids) == {(), chosen}
+    assert set(judge._models.known) == {(), chosen}
 
 
 def test_a_part_of_a_problem_stacks_no_columns_and_has_the_same(problem):

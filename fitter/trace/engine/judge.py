@@ -15,6 +15,7 @@ from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.family import CERTAIN, TableFamily, evidence, family_of, least_of
 from rig.fitter.trace.engine.lengths import Simulated
 from rig.fitter.trace.engine.likelihood import Grid, Likelihoods, ratio
+from rig.fitter.trace.engine.models import Key, Models
 from rig.fitter.trace.engine.noise import BoolArray
 from rig.fitter.trace.engine.problem import Candidate, Problem
 from rig.fitter.trace.engine.rivalry import Rivalry, Trial, possible, possible_of
@@ -44,10 +45,6 @@ ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
 SHAPES = ("kink", "clip", "square-root")
 """Kinds of curves that are not named after a power where they are more probable than it."""
-KEPT = 6
-"""Models that are kept whitened by every covariance."""
-
-Key = tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +61,6 @@ class TableJudge:
     _views: dict[int, View] = field(default_factory=dict)
     _held: dict[Key, FloatArray] = field(default_factory=dict)
     _off: dict[Key, FloatArray] = field(default_factory=dict)
-    _grids: dict[Key, tuple[Grid, Key]] = field(default_factory=dict)
     _besides: dict[Key, Likelihoods] = field(default_factory=dict)
     _trials: dict[tuple[Key, int], Trial] = field(default_factory=dict)
     _p: dict[tuple[Key, int], float] = field(default_factory=dict)
@@ -157,8 +153,8 @@ class TableJudge:
         mine = [j for j in chosen if self.candidates[j].effect.name == effect]
         rest = tuple(j for j in chosen if j not in mine)
         price, whole = float(np.log(self.problem.n)) * sum(map(float, self.problem.price[mine])), tuple(sorted(chosen))
-        grid = self._of_response(self._grid(whole)[0], whole, self.held(rest))
-        without = self._without(grid, whole, mine) or self.beside(rest)
+        self._grid(whole)
+        without = self._models.without(whole, mine, self.held(rest)) or self.beside(rest)
         return float(2.0 * (self.beside(chosen).ml.max() - without.ml[slow].max()) - price)
 
     def like_memory(self, chosen: tuple[int, ...], still: BoolArray) -> tuple[str, ...]:
@@ -211,38 +207,24 @@ class TableJudge:
         """Likelihoods of common noise of rows, with the declared columns, those `chosen`, and `extra` ones (n, d)."""
         key = tuple(sorted(chosen))
         if extra is not None:
-            return self._grid(key)[0].beside(extra)
+            return self._grid(key).beside(extra)
         if key not in self._besides:
-            self._besides[key] = self._grid(key)[0].beside()
+            self._besides[key] = self._grid(key).beside()
         return self._besides[key]
 
     def each(self, terms: Sequence[int]) -> FloatArray:
         """(G, q) restricted log-likelihoods beside the declared columns and each of some candidates of one column."""
-        return self._grid(())[0].each(self.problem.of(terms) / self.problem.sd[:, None])
+        return self._grid(()).each(self.problem.of(terms) / self.problem.sd[:, None])
 
-    def _grid(self, key: Key) -> tuple[Grid, Key]:
-        """Declared columns and some candidates whitened, with the held response; and the order of these candidates.
+    @cached_property
+    def _models(self) -> Models:
+        return Models(self.problem)
 
-        Made from the largest part of it that is known. The latest ones are kept, and the declared columns alone.
-        """
-        if key not in self._grids:
-            sd = self.problem.sd
-            if not key:
-                declared = self.problem.declared / sd[:, None]
-                self._grids[key] = Grid.of(self.problem.noise, self.held(key) / sd, declared), ()
-                return self._grids[key]
-            self._grid(())
-            part = max((known for known in self._grids if set(known) < set(key)), key=len)
-            (grid, order), new = self._grids[part], tuple(j for j in key if j not in part)
-            grid = grid.with_columns(self.problem.of(new) / sd[:, None])
-            self._grids[key] = self._of_response(grid, part, self.held(key)), (*order, *new)
-            if len(self._grids) > KEPT:
-                del self._grids[next(known for known in self._grids if known)]
-        return self._grids[key]
-
-    def _of_response(self, grid: Grid, known: Key, y: FloatArray) -> Grid:
-        """A grid that has the held response beside some candidates, with another response (n,)."""
-        return grid if np.array_equal(y, self.held(known)) else grid.of_response(y / self.problem.sd)
+    def _grid(self, key: Key) -> Grid:
+        """The model of some candidates, with the response that is held beside them."""
+        if key:
+            self._grid(())  # of which it is made
+        return self._models.grid(key, self.held(key))
 
     @cached_property
     def _simulated(self) -> Simulated:
@@ -340,11 +322,10 @@ class TableJudge:
         if rival != "slow":
             f /= float(scores.scatter[0])
         name, own = self.candidates[j].effect.name, float(evidence(np.array(f), rank, df))
-        if self._many:
-            if own > CERTAIN:
-                return self._least or self.family_for(j, trial.without.best_of(possible[0]), rival).least
-            if math.exp(-own) > PLAINLY * most:
-                return math.exp(-own)
+        if self._many and own > CERTAIN:
+            return self._least or self.family_for(j, trial.without.best_of(possible[0]), rival).least
+        if self._many and math.exp(-own) > PLAINLY * most:
+            return math.exp(-own)
         p = self.family_for(j, trial.without.best_of(possible[0]), rival).adjust(name, own, most)
         if p > min(most, CLOSE) or rival == "slow":
             return p
@@ -415,21 +396,6 @@ class TableJudge:
                 with_j = self._alone(whole)
                 milder = np.where(off * with_j > 0, np.minimum(np.abs(off), np.abs(with_j)), 0.0) * np.sign(off)
                 held = held if np.array_equal(milder, off) else self.problem.y - milder
-            self._trials[key, j] = Trial(held, *self._both(key, j, whole, held))
+            self._grid(())
+            self._trials[key, j] = Trial(held, *self._models.with_one(key, j, held, self.held(key)))
         return self._trials[key, j]
-
-    def _both(self, key: Key, j: int, whole: Key, held: FloatArray) -> tuple[Likelihoods, Likelihoods]:
-        """Likelihoods without a candidate and with it, of a held response (n,)."""
-        if whole in self._grids:
-            grid = self._of_response(self._grids[whole][0], whole, held)
-            without = self._without(grid, whole, (j,))
-            if without is not None:
-                return without, grid.beside()
-        grid = self._of_response(self._grid(key)[0], key, held)
-        return grid.beside(), grid.beside(self.problem.of((j,)) / self.problem.sd[:, None])
-
-    def _without(self, grid: Grid, whole: Key, taken: Sequence[int]) -> Likelihoods | None:
-        """Likelihoods beside a model of a known grid, without some of its candidates; None if its columns depend."""
-        order, width = self._grids[whole][1], np.diff(self.problem.start)
-        ends = self.problem.declared.shape[1] + np.cumsum([0, *(width[k] for k in order)])
-        return grid.without(np.concatenate([np.arange(*ends[i : i + 2]) for i, k in enumerate(order) if k in taken]))

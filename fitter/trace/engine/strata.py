@@ -20,8 +20,9 @@ from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.drawn_strata import Drawn, draw, summed
 from rig.fitter.trace.engine.family import CERTAIN, FEWEST, TableFamily, Tail, evidence
 from rig.fitter.trace.engine.in_strata import InStrata, OfStrata, rooted
-from rig.fitter.trace.engine.judge import Key, TableJudge
+from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.likelihood import Likelihoods, ratio
+from rig.fitter.trace.engine.models import Key
 from rig.fitter.trace.engine.noise import BoolArray
 from rig.fitter.trace.engine.problem import SPARED
 from rig.fitter.trace.engine.rivalry import Rivalry, Trial
