@@ -109,6 +109,7 @@ def test_a_foreign_chamber_is_set_kept_and_made_safe_and_a_foreign_probe_read(tm
     assert "off, not settled" in steps["safe state"]
     done = rig("instrument", "check", "probe.toml", "--address", address, "--json", cwd=tmp_path)
     assert done.returncode == 0, (done.stdout[-3000:], done.stderr)
-    (found,) = (one["found"] for one in json.loads(done.stdout)[0]["steps"] if one["what"] == "three readings")
+    steps = {one["what"]: one["found"] for one in json.loads(done.stdout)[0]["steps"]}
+    found = steps["three readings of each channel"]
     assert found.count("4.98") == 3
     assert found.endswith("V")
