@@ -142,8 +142,8 @@ def test_a_clean_table_is_searched_with_few_effects_simulated(monkeypatch):
     assert all(one.waiting for one in judge.families.values())
 
 
-def test_a_score_is_certain_only_where_the_number_of_draws_is_known():
-    """In a small table it depends on covariances that a simulation tells."""
+def test_the_least_p_is_known_without_a_simulation_only_in_a_large_table():
+    """In a small one the number of draws depends on covariances that a simulation tells."""
     assert family.least_of(problem_of(data_of(Lab(60))), 500) is None
     problem = problem_of(data_of(LARGE))
     assert family.least_of(problem, View.of(problem, 0).width) == pytest.approx(1.0 / (1.0 + family.FEWEST))
