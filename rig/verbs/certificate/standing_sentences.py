@@ -77,7 +77,7 @@ SEE_SUPPLIED = (
 )
 CONFORMITY = ("The statements hold for the results above, at the time of the calibration.",)
 EFFECTS = "The declared model does not have these effects; they were found in the data of the run."
-UNCONFIRMED = "An effect that no further run has confirmed has its cause from these data alone."
+UNCONFIRMED = "The cause of an effect that no further run has confirmed is known from these data alone."
 EVIDENCE = (
     "Every measured number above comes from this run file, and that of a confirmed effect from the further run that "
     "stands with it, too. The head hash is the fingerprint of all records of the file: "
