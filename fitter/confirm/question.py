@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from rig.fitter.quantiles import DISTINGUISHED, t_limit
-from rig.fitter.trace.found import Explanation, Found
+from rig.fitter.trace.found import Explanation
+from rig.fitter.trace.outcome import Finding
 
 CLEARLY = 0.99993666
 """Probability of four standard errors (`rig.fitter.trace.aliases.NEARLY`), for a known error."""
@@ -17,7 +18,7 @@ class Judged(Protocol):
     """Findings of a trace in one sensor."""
 
     @property
-    def effects(self) -> Sequence[Found]:
+    def effects(self) -> Sequence[Finding]:
         """Largest share first."""
 
 

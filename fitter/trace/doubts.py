@@ -23,9 +23,9 @@ CHANCE = 5e-3
 whole plots, wrong names with 0.008 to 0.03 stood in 4 of 42 runs."""
 
 
-def by_chance(p: float) -> str | None:
+def by_chance(p: float | None) -> str | None:
     """Sentence about a finding that chance gives now and then; None where it hardly does."""
-    return f"chance alone would show as much in {1000.0 * p:.0f} of 1,000 runs" if p > CHANCE else None
+    return None if p is None or p <= CHANCE else f"chance alone would show as much in {1000.0 * p:.0f} of 1,000 runs"
 
 
 def beyond_chance(coefficients: Sequence[float], errors: Sequence[float], df: float | None, tried: int) -> bool:

@@ -2,178 +2,163 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Self
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Generic, TypeVar
 
+from rig.fitter.arrays import FloatArray
 from rig.fitter.json_values import JsonValue
 from rig.fitter.trace.aliases import Rival
-from rig.fitter.trace.outcome import Finding, Parameter, WithError
-from rig.fitter.trace.shape import Shape
+from rig.fitter.trace.outcome import LEFT_OUT, Finding, Instead, Outcome, Parameter, Row, run_json
+from rig.fitter.trace.signs import Refused
 
 CONFIRMED = 0.8
 """Left-out error after over before, above which the effects do not generalise to left-out data."""
 
 
+S = TypeVar("S")
+E = TypeVar("E", bound=Finding)
+
+
 @dataclass(frozen=True, eq=False)
-class Found:
-    """An effect in one sensor, in any kind of run.
+class OfSensor(Generic[S, E]):
+    """Findings in one sensor.
 
     Attributes:
-        effect: name in the catalogue.
-        cause: the physical mechanism.
-        stratum: where it was found.
-        terms: its terms as formulas, without those that have no effect on this sensor.
-        coefficients: of the formulas, in `unit`.
-        stderr: of the coefficients; conditional on the effect having been selected on the same data.
-        unit: of the coefficients.
-        size: of the cause, in physical terms: "1.50e-3 deg/g", "45 ppm/degC", "1.2 arcsec".
-        p_adjusted: probability of such a finding by chance, over all candidates, sensors and steps of the run.
-        p_adjusted_is_bound: whether the probability is only known to be at most `p_adjusted`, by the number of
-            simulations.
-        share: its share of the sensor's whole error beyond scatter; the sum over all effects is at most one
-            (`rig.fitter.trace.shares`).
-        aliases: other effects that the data cannot distinguish from it.
-        separation: standard errors by which every other explanation is worse, by effect.
-        separate_by: the measurement that would separate it from its aliases, with the expected size.
-        against: field of the data for a plot.
-        doubtful: why its name should not be believed yet; None where nothing is against it.
-        left_in: whether the numbers after leave it in the output, because the error would be larger without it.
+        sensor: column name of its output.
+        declared: the declared model.
+        verdict: "explained", "nothing to add", "partly explained" or "unexplained"; findings about the noise add
+            nothing to the model.
+        before: with the declared model.
+        after: with the effects removed.
+        rows: both as rows of a table.
+        effects: found, largest share first, findings about the noise last.
+        unnamed: the remainder, if it exceeds error.
+        notes: sentences shown with the numbers before and after.
+        fitted: coefficients of the declared model and of the effects, fitted together.
+        instead: one shape without a name in place of the doubtful effects.
+        refused: causes that would fit, except for their required sign or their size; None for kinds without refusals.
     """
 
-    effect: str
-    cause: str
-    stratum: str
-    terms: tuple[str, ...]
-    coefficients: tuple[float, ...]
-    stderr: tuple[float, ...]
-    unit: str
-    size: str
-    p_adjusted: float
-    p_adjusted_is_bound: bool
-    share: float
-    aliases: tuple[str, ...]
-    separation: Mapping[str, float]
-    separate_by: str
-    against: str
-    doubtful: str | None = field(default=None, kw_only=True)
-    left_in: bool = field(default=False, kw_only=True)
-
-    @classmethod
-    def of_noise(
-        cls,
-        *,
-        effect: str,
-        cause: str,
-        terms: tuple[str, ...],
-        coefficients: tuple[float, ...],
-        unit: str,
-        size: str,
-        p_adjusted: float,
-        separate_by: str,
-        against: str,
-        aliases: tuple[str, ...] = (),
-        **more: Any,
-    ) -> Self:
-        """A finding about the noise: no column of the model, so no share or standard errors.
-
-        Arguments are the attributes of these names; `more` has those of one kind of run.
-        """
-        return cls(
-            effect=effect,
-            cause=cause,
-            stratum="noise",
-            terms=terms,
-            coefficients=coefficients,
-            stderr=(float("nan"),) * len(coefficients),
-            unit=unit,
-            size=size,
-            p_adjusted=p_adjusted,
-            p_adjusted_is_bound=False,
-            share=0.0,
-            aliases=aliases,
-            separation={},
-            separate_by=separate_by,
-            against=against,
-            **more,
-        )
+    sensor: str
+    declared: str
+    verdict: str
+    before: S
+    after: S
+    rows: tuple[tuple[Row, ...], tuple[Row, ...]]
+    effects: tuple[E, ...]
+    unnamed: tuple[Finding, ...]
+    notes: tuple[str, ...]
+    fitted: tuple[Parameter, ...]
+    instead: Instead | None = field(default=None, kw_only=True)
+    refused: tuple[Refused, ...] | None = field(default=None, kw_only=True)
 
     @property
-    def own_keys(self) -> dict[str, JsonValue]:
-        """Keys of JSON for this kind of run only."""
-        return {}
+    def added(self) -> tuple[E, ...]:
+        """Effects that add to the model."""
+        return tuple(effect for effect in self.effects if effect.kind != "noise")
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Its coefficients as rows after those of the declared model, where it is taken out."""
-        if self.left_in:
-            return ()
-        rows = zip(self.terms, self.coefficients, self.stderr, strict=True)
-        named = ((f"{self.effect}: {term}", WithError(value, error)) for term, value, error in rows)
-        return tuple(Parameter(name, estimate, unit=self.unit) for name, estimate in named)
+    def noise(self) -> tuple[E, ...]:
+        """Findings about the noise."""
+        return tuple(effect for effect in self.effects if effect.kind == "noise")
 
-    def finding(self) -> Finding:
+    def outcome(self) -> Outcome:
         """The same in the form of every kind of run."""
-        return Finding(
-            kind="noise" if self.stratum == "noise" else "effect",
-            cause=self.cause,
-            stratum=self.stratum,
-            share=self.share,
-            effect=self.effect,
-            terms=self.terms,
-            coefficients=self.coefficients,
-            stderr=self.stderr,
-            unit=self.unit,
-            size=self.size,
-            p_adjusted=self.p_adjusted,
-            p_adjusted_is_bound=self.p_adjusted_is_bound,
-            aliases=self.aliases,
-            separation=self.separation,
-            separate_by=self.separate_by,
-            doubtful=self.doubtful,
-            more=self.own_keys,
+        return Outcome(
+            self.sensor,
+            self.declared,
+            self.verdict,
+            (*self.effects, *self.unnamed),
+            *self.rows,
+            self.fitted,
+            self.notes,
+            None if self.refused is None else tuple(one.to_json() for one in self.refused),
+            instead=self.instead,
         )
 
 
-@dataclass(frozen=True)
-class Unnamed:
-    """The remainder that no effect of the catalogue explains: its place, and its share.
+C = TypeVar("C")
+T = TypeVar("T", bound=OfSensor[Any, Any])
 
-    In a finished trace the share is of the whole error beyond scatter, like the shares of the effects.
+
+@dataclass(frozen=True, eq=False)
+class OfRun(ABC, Generic[T, C]):
+    """Findings in a run of several sensors.
 
     Attributes:
-        where: its place.
-        share: see above.
-        added: whether a smooth term without a cause was added for it.
-        stratum: "noise" if it is a random walk; otherwise "unnamed".
-        shape: it as a curve or a surface, with the nearest names; None where it has none.
+        sensors: by column name.
+        scene: references of the effects' columns.
+        chosen: the terms in the model.
+        gamma: (q,) their coefficients, in the terms' own units.
+        taken: (S, q) one where a term is taken out of a sensor's output, zero where it is left in.
+        points: number of observations.
+        explanations: all of them for each effect found, best first.
+        kind: of the run.
     """
 
-    where: str
-    share: float
-    added: bool = field(default=False, kw_only=True)
-    stratum: str = field(default="unnamed", kw_only=True)
-    shape: Shape | None = field(default=None, kw_only=True, compare=False)
+    sensors: Mapping[str, T]
+    scene: Any
+    chosen: tuple[C, ...]
+    gamma: FloatArray
+    taken: FloatArray
+    points: int
+    explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict, kw_only=True)
+    kind: ClassVar[str]
 
     @property
-    def own_keys(self) -> dict[str, JsonValue]:
-        """Keys of JSON for this kind of run only."""
-        return {}
+    def about(self) -> dict[str, JsonValue]:
+        """Properties of the run as JSON values."""
+        return {"points": self.points, "kind": self.kind}
 
-    def finding(self) -> Finding:
-        """The same in the form of every kind of run."""
-        return Finding(
-            "unnamed",
-            self.where,
-            self.stratum,
-            self.share,
-            added=self.added,
-            shape=self.shape,
-            more=self.own_keys,
-        )
+    @property
+    @abstractmethod
+    def reference(self) -> dict[str, JsonValue]:
+        """References at which the effects' columns are zero, as JSON values."""
+
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """Outcome of each sensor, in the form of every kind of run."""
+        return tuple(found.outcome() for found in self.sensors.values())
+
+    def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
+        """JSON values for `rig trace --json`; missing numbers are None, never NaN."""
+        return run_json({"file": file, **self.about}, self.outcomes(), reference=self.reference)
 
 
-def verdict(*, found: bool, fell: bool, rest: Iterable[Unnamed], doubtful: bool = False) -> str:
+def of_left_out(
+    before: float | None, after: float | None, what: str, how: str, most: float = CONFIRMED, *, asked: bool
+) -> tuple[str, ...]:
+    """Sentences about the error on data left out.
+
+    Args:
+        before: the error, with the declared model; None if nothing was left out.
+        after: with the effects.
+        what: what was left out: "whole plots".
+        how: how.
+        most: of the error before, beyond which effects are not confirmed.
+        asked: whether effects were found that it tests.
+    """
+    if before is None or after is None:
+        return ()
+    ratio = f"not confirmed by {what} left out: with the effects found the error on those is {after / before:.0%} of "
+    failed = (f"{ratio}what it is without them",) if asked and after > most * before else ()
+    return (*failed, f"{LEFT_OUT}{how}")
+
+
+def told(
+    shown: Iterable[E], divided: FloatArray, doubt: Callable[[E], str | None], left_in: AbstractSet[str] = frozenset()
+) -> tuple[E, ...]:
+    """The effects of a sensor with their shares (q,) and doubts, largest share first; some are left in its output."""
+    every = (
+        replace(effect, share=float(share), doubtful=doubt(effect), left_in=effect.effect in left_in)
+        for effect, share in zip(shown, divided, strict=True)
+    )
+    return tuple(sorted(every, key=lambda effect: -effect.share))
+
+
+def verdict(*, found: bool, fell: bool, rest: Iterable[Finding], doubtful: bool = False) -> str:
     """One word or two for a sensor, by one rule in every kind of run.
 
     Findings about the noise are not effects: they explain nothing, and nothing is added to the model for them.

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.found import Unnamed
+from rig.fitter.trace.outcome import Finding, remains
 
 DEPENDENT = 1e-6
 """Minimum share of a column's length outside the columns before it; less is a combination of them and rounding."""
@@ -54,10 +54,10 @@ class NotKept:
         return f"{self.effect} was left out: {_WHY[self.why].format(p=self.p, error=self.error)}"
 
 
-def in_place_of(left_out: Iterable[NotKept], sensor: str | None = None) -> tuple[Unnamed, ...]:
+def in_place_of(left_out: Iterable[NotKept], sensor: str | None = None) -> tuple[Finding, ...]:
     """What stands in place of effects that raise the error: something is there, and it is not what they are."""
     return tuple(
-        Unnamed(f"in the rows where {one.effect} would act, but with it the error rises", one.share)
+        remains(f"in the rows where {one.effect} would act, but with it the error rises", one.share)
         for one in left_out
         if one.why == "rises" and one.sensor in (None, sensor)
     )

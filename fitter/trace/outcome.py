@@ -149,16 +149,17 @@ class Finding:
     Attributes:
         kind: one of the three.
         cause: the physical mechanism; for the remainder its place.
-        stratum: where it was found.
-        share: its share of the sensor's whole error beyond scatter.
+        stratum: where it was found; of a remainder "noise" if it is a random walk, otherwise "unnamed".
+        share: its share of the sensor's whole error beyond scatter; of all together at most one
+            (`rig.fitter.trace.shares`).
         effect: name in the catalogue; "" for the remainder.
-        terms: as formulas.
+        terms: as formulas, without those that have no effect on this sensor.
         coefficients: of the terms.
-        stderr: of the coefficients, conditional on the selection; not finite if there is none.
+        stderr: of the coefficients, conditional on the selection; () or not finite if there is none.
         unit: of the coefficients, or one for each, separated by commas.
-        size: in physical terms.
-        p_adjusted: family-wise probability of such a finding by chance; None for the remainder.
-        p_adjusted_is_bound: the probability is at most this.
+        size: of the cause, in physical terms: "1.50e-3 deg/g", "45 ppm/degC", "1.2 arcsec".
+        p_adjusted: probability of such a finding by chance, over all candidates, sensors and steps of the run.
+        p_adjusted_is_bound: the probability is only known to be at most this, by the number of simulations.
         aliases: other effects that the data cannot distinguish from it.
         separation: standard errors by which every other explanation is worse, by effect.
         separate_by: the measurement that would separate it from its aliases, or confirm it.
@@ -170,6 +171,8 @@ class Finding:
         shape: of a remainder without a name, as a curve or a surface; None for others, and where it has none.
         shared: that all sensors of the run have it alike, and what would tell them from what they share, sentences; ""
             if they have not.
+        against: variable of the data for a plot.
+        left_in: whether the numbers after leave it in the output, because the error would be larger without it.
         more: keys of JSON of one kind of run only.
     """
 
@@ -195,13 +198,35 @@ class Finding:
     sentence: str = ""
     shape: Shape | None = None
     shared: str = ""
+    against: str = ""
+    left_in: bool = False
     more: Mapping[str, JsonValue] = field(default_factory=dict)
+
+    @classmethod
+    def of_noise(cls, *, p: float, coefficients: tuple[float, ...], **told: Any) -> Self:
+        """A finding about the noise: no column of the model, so no share or standard errors; `told` are attributes."""
+        told = {"stderr": (float("nan"),) * len(coefficients), "p_adjusted": p, **told}
+        return cls(kind="noise", stratum="noise", share=0.0, coefficients=coefficients, **told)
+
+    @property
+    def own_keys(self) -> Mapping[str, JsonValue]:
+        """Keys of JSON of one kind of run only."""
+        return self.more
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Its coefficients as rows after those of the declared model, where it is taken out."""
+        if self.left_in:
+            return ()
+        rows = zip(self.terms, self.coefficients, self.stderr, strict=True)
+        named = ((f"{self.effect}: {term}", WithError(value, error)) for term, value, error in rows)
+        return tuple(Parameter(name, estimate, unit=self.unit) for name, estimate in named)
 
     def to_json(self) -> dict[str, Any]:
         """JSON values for `rig trace --json`."""
         if self.kind == "unnamed":
             told = {"where": self.cause, "share": self.share, "added": self.added, "stratum": self.stratum}
-            return {**told, **self.more, "shape": None if self.shape is None else self.shape.to_json()}
+            return {**told, **self.own_keys, "shape": None if self.shape is None else self.shape.to_json()}
         table: dict[str, Any] = {
             "effect": self.effect,
             "cause": self.cause,
@@ -219,12 +244,17 @@ class Finding:
             "separation_sigmas": dict(self.separation),
             "doubtful": self.doubtful,
             "separate_by": self.separate_by,
-            **self.more,
+            **self.own_keys,
         }
         if self.interval_95 is not None:
             table["interval_95"] = [None if pair is None else list(pair) for pair in self.interval_95]
             table |= {"size_95": self.size_95, "sentence": self.sentence}
         return table
+
+
+def remains(where: str, share: float, *, stratum: str = "unnamed", **more: Any) -> Finding:
+    """The remainder that no effect of the catalogue explains: its place, and its share; `more` are attributes."""
+    return Finding("unnamed", where, stratum, share, **more)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,17 +11,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import factorial
-from typing import TypeVar
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.found import Unnamed
+from rig.fitter.trace.outcome import Finding
 
 SAME = 1e-12
 """Relative squared length below which the remainder beside others is rounding."""
-
-U = TypeVar("U", bound=Unnamed)
 
 
 def shares(parts: Sequence[FloatArray], residual: FloatArray, scatter: float) -> FloatArray:
@@ -39,13 +36,13 @@ def shares(parts: Sequence[FloatArray], residual: FloatArray, scatter: float) ->
     return np.asarray(explained / beyond) if beyond > 0 else explained
 
 
-def of_rest(found: FloatArray, rest: Sequence[U]) -> tuple[U, ...]:
+def of_rest(found: FloatArray, rest: Sequence[Finding]) -> tuple[Finding, ...]:
     """The remainder, with its shares converted to shares of the whole, together with those `found`."""
     whole = max(1.0 - float(np.sum(found)), 0.0) / max(sum(one.share for one in rest), 1.0)
     return tuple(replace(one, share=one.share * whole) for one in rest)
 
 
-def unnamed_part(rest: Sequence[Unnamed]) -> float:
+def unnamed_part(rest: Sequence[Finding]) -> float:
     """Part of the residual that is neither scatter nor explained, at most one."""
     return min(sum(one.share for one in rest), 1.0)
 

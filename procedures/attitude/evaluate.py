@@ -95,7 +95,7 @@ class AttitudeTraced:
 
     def depends_on(self, sensor: str) -> tuple[str, ...]:
         """Sentences about parameters whose value depends on the choice among several causes."""
-        if not any(e.aliases for e in self.trace.sensors[sensor].effects):
+        if not any(e.aliases for e in self.trace.sensors[sensor].added):
             return ()
         table = covering_parameters(self.calibration, sensor)
         return tuple(row["sentence"] for row in table.values() if "sentence" in row)
@@ -114,7 +114,7 @@ def _worded(found: Trace, sensor: SensorTrace, effect: Finding) -> Finding:
     """An effect or a finding about noise with intervals and a sentence."""
     if effect.kind == "unnamed":
         return effect
-    of = next((e for e in sensor.effects if e.effect == effect.effect), None)
+    of = next((e for e in sensor.added if e.effect == effect.effect), None)
     t = t_limit(0.95, sensor.fit.df if of is None else of.df)
     halves = [t * error for error in effect.stderr]
     return with_words(sensor.sensor, effect, halves, "" if of is None else _size(found, sensor, of, t))
@@ -178,13 +178,13 @@ def attitude_sentence(name: str, found: SensorTrace) -> str:
     """Summary of the findings in one sensor."""
     before, after = (_degrees(side.sigma_E, found.S_V) for side in (found.before, found.after))
     noise = [finding.cause for finding in found.noise]
-    if not found.effects:
+    if not found.added:
         told = verdict(found.verdict, noise)
         return f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; {told}."
-    effects = " and ".join(f"{e.effect} ({part(e.share)} of the error beyond scatter)" for e in found.effects)
-    alike = "; ".join(f"{e.effect} from {', '.join(e.aliases)}" for e in found.effects if e.aliases)
+    effects = " and ".join(f"{e.effect} ({part(e.share)} of the error beyond scatter)" for e in found.added)
+    alike = "; ".join(f"{e.effect} from {', '.join(e.aliases)}" for e in found.added if e.aliases)
     told = f"; these data cannot tell {alike}" if alike else ""
-    told += doubts_of({e.effect: e.doubtful for e in found.effects})
+    told += doubts_of({e.effect: e.doubtful for e in found.added})
     text = (
         f"{name}: the declared model ({found.declared}) leaves a standard error of {before}; it lacks {effects}{told}. "
         f"With that the standard error is {after}"

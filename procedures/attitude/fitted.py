@@ -195,7 +195,7 @@ def effects_of(found: Trace, allowed: Mapping[str, Sequence[str]]) -> tuple[Volt
     """
     named: dict[str, dict[str, FloatArray]] = {}
     for sensor in found.sensors.values():
-        for one in sensor.effects:
+        for one in sensor.added:
             named.setdefault(one.effect, {})[sensor.sensor] = one.columns_V
     shown = {sensor for by in named.values() for sensor in by}
     full = {

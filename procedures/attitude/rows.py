@@ -14,7 +14,7 @@ from rig.fitter.trace.outcome import Figure, Parameter, WithError
 from rig.procedures.attitude.fit import AttitudeFit, parameter_table, temperature_table
 from rig.procedures.attitude.model import AttitudeParameters, NoRollParameters, attitude_parameters, no_roll_parameters
 from rig.procedures.attitude.parameters import LABELS, SCALE, UNIT, shown
-from rig.procedures.attitude.trace import FoundEffect, SensorTrace
+from rig.procedures.attitude.trace import SensorTrace
 
 if TYPE_CHECKING:
     from rig.fitter.arrays import FloatArray
@@ -46,7 +46,7 @@ def parameter_rows(
     """
     alone = _table(declared.parameters, declared.parameters_df, declared.temperature, declared.linear.df)
     beside = alone  # the influence of other sensors' effects on this one is negligible
-    if found.effects:
+    if found.added:
         warm = temperature_table(found.temperature, declared.parameters.S_V, found.fit.df)
         try:
             beside = {**parameter_table(*calibration().parameters(found.sensor)), **warm}
@@ -91,11 +91,11 @@ def effect_figures(
     every = np.arange(len(data))
     kept = np.setdiff1d(every, tuple(outliers))
     figures = {}
-    for effect in (*found.effects, *found.noise):
+    for effect in found.effects:
         name, (label, scale) = _variable(effect.against)
         rows = every if effect.effect == OUTLIERS else kept
         x, left, adds = getattr(data, name)[rows] * scale, residual[rows], None
-        if isinstance(effect, FoundEffect):
+        if effect.kind == "effect":
             adds = ((effect.contribution_V - basis @ (basis.T @ effect.contribution_V)) * to_unit)[rows]
         figures[effect.effect] = Figure(x, label, left, adds, UNIT)
     return figures

@@ -122,7 +122,7 @@ def _worded(found: TableTrace, effect: FoundTableEffect, df: float) -> Finding:
         about = "about " if len(known) > 1 else ""
         ends = rms * max(1.0 - part, 0.0), rms * (1.0 + part)
         size = f"{about}{interval_text(ends, rms * part)}{unit_after(found.response)} rms"
-    return with_words(found.response, effect.finding(), halves, size)
+    return with_words(found.response, effect, halves, size)
 
 
 def _errors(found: TableTrace) -> Errors:
@@ -152,7 +152,7 @@ def general_sentence(found: TableTrace) -> str:
     before, after = found.before.fit.sigma_E, found.after.fit.sigma_E
     start = f"{found.response}: the declared model ({found.declared}) leaves a standard error of {before:.4g}"
     noise = [effect.cause for effect in found.effects if effect.stratum == "noise"]
-    more = "".join(f" What remains: {rest.where}." for rest in found.unnamed)
+    more = "".join(f" What remains: {rest.cause}." for rest in found.unnamed)
     if not found.added:
         return f"{start}; {verdict(found.verdict, noise)}.{more}"
     effects = " and ".join(f"{e.effect} ({part(e.share)} of the error beyond scatter)" for e in found.added)

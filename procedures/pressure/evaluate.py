@@ -87,7 +87,7 @@ def _worded(trace: WholePlotTrace, found: TransducerTrace, effect: FoundPressure
         values = dict(zip(effect.terms, effect.coefficients, strict=True))
         halves = dict(zip(effect.terms, effect.half_width_95, strict=True))
         size = size_95(entry.size, values, halves, found.sensitivity)
-    return with_words(found.sensor, effect.finding(), effect.half_width_95, size)
+    return with_words(found.sensor, effect, effect.half_width_95, size)
 
 
 _HIDES = "the whole plots' own errors included, which effects within them do not change"

@@ -85,7 +85,7 @@ class WholePlotTogether(Together):
             sensor = self.found.sensors[name]
             grows = any(effect.stratum == "noise" for effect in sensor.effects)
             same = np.full(len(self.data), sensor.after.fit.sigma_subplot)
-            out.append(sensor.noise.sd(self.data.pressure_psia) if grows else same)
+            out.append(sensor.noise_within.sd(self.data.pressure_psia) if grows else same)
         return np.stack(out)
 
     @property

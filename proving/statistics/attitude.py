@@ -83,7 +83,7 @@ WITHIN = {
 
 def reported(found: Trace) -> dict[frozenset[str], str]:
     """Classes reported, each the names that the data cannot tell apart, over all sensors."""
-    return {frozenset({e.effect, *e.aliases}): e.effect for t in found.sensors.values() for e in t.effects}
+    return {frozenset({e.effect, *e.aliases}): e.effect for t in found.sensors.values() for e in t.added}
 
 
 def verdict(found: Trace, hidden: Collection[str]) -> Result:
@@ -314,7 +314,7 @@ def _night(seed: int) -> Result:
 
 
 def _by_sensor(found: Trace) -> set[tuple[str, str]]:
-    return {(sensor.removesuffix("_V"), e.effect) for sensor, t in found.sensors.items() for e in t.effects}
+    return {(sensor.removesuffix("_V"), e.effect) for sensor, t in found.sensors.items() for e in t.added}
 
 
 def _both(results: Results) -> Figures:

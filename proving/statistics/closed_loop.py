@@ -45,7 +45,7 @@ def _found(seed: int, *, hidden: bool) -> Result:
         traced = trace_table(run_table(dry(plan, Path(folder))))
     assert isinstance(traced, AttitudeTraced)
     sensors = traced.trace.sensors.items()
-    return {"seed": seed, "effects": {name: sorted({e.effect for e in sensor.effects}) for name, sensor in sensors}}
+    return {"seed": seed, "effects": {name: sorted({e.effect for e in sensor.added}) for name, sensor in sensors}}
 
 
 def _every(one: Result) -> set[str]:

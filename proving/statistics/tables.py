@@ -156,7 +156,7 @@ def _measured(_seed: int, folder: str, entry: dict[str, Any]) -> Result:
         "effects": [
             f"{e.effect} ({e.share:.1%}, p {e.p_adjusted:.2g}) {', '.join(e.aliases[:3])}" for e in trace.effects
         ],
-        "unnamed": [str(rest.where) for rest in trace.unnamed],
+        "unnamed": [str(rest.cause) for rest in trace.unnamed],
     }
 
 

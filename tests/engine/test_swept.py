@@ -36,14 +36,14 @@ def traced(x, bend):
 def test_a_curve_over_a_setting_that_rose_once_may_be_any_function_of_time(bend):
     levels = np.logspace(-1, 1, N)  # no power of time is alike
     once = traced(levels, bend)
-    assert any(remark.startswith("x changes in one direction only, with elapsed_s") for remark in once.remarks)
+    assert any(remark.startswith("x changes in one direction only, with elapsed_s") for remark in once.notes)
     if not bend:
         return
     (found,) = once.effects
     assert "function:elapsed_s" in found.aliases
     assert "measure in another order, or up and down" in found.separate_by
     anew = traced(np.random.default_rng(1).permutation(levels), bend)
-    assert not any("one direction" in remark for remark in anew.remarks)
+    assert not any("one direction" in remark for remark in anew.notes)
     assert not any("function:" in alias for effect in anew.effects for alias in effect.aliases)
 
 

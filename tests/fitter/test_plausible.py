@@ -22,7 +22,7 @@ def saturated(full_V: float) -> SensorTrace:
 def test_a_saturated_sensor_is_no_gear_with_an_error_of_degrees() -> None:
     data, _ = simulate(BENCH, SMALL, 5)
     found = saturated(0.8 * float(np.ptp(data.outputs["x_V"])) / 2.0)
-    degrees = [e.contribution_V.max() / found.S_V for e in found.effects if "head" in e.effect or "gear" in e.effect]
+    degrees = [e.contribution_V.max() / found.S_V for e in found.added if "head" in e.effect or "gear" in e.effect]
     assert all(np.degrees(size) < 2.0 for size in degrees)
     refused = {one.effect: one for one in found.refused}
     assert "sensor-third-order" in refused
@@ -38,5 +38,5 @@ def test_a_saturated_sensor_is_no_gear_with_an_error_of_degrees() -> None:
 def test_an_effect_of_a_plausible_size_keeps_its_name() -> None:
     data, _ = simulate(replace(BENCH, sensors=(replace(BENCH.sensors[0], cubic=2e-3),)), SMALL, 5)
     found = trace(data, validate=False).sensors["x_V"]
-    assert [e.effect for e in found.effects] == ["sensor-third-order"]
+    assert [e.effect for e in found.added] == ["sensor-third-order"]
     assert found.refused == ()

@@ -74,14 +74,14 @@ def kept(bench: Bench, plan: Plan, seed: int):
 
 
 def named(found: Trace, sensor: str = "x_V") -> dict[str, tuple[float, ...]]:
-    return {e.effect: e.coefficients for e in found.sensors[sensor].effects}
+    return {e.effect: e.coefficients for e in found.sensors[sensor].added}
 
 
 def test_a_cube_is_no_pad_of_negative_compliance() -> None:
     data, _ = simulate(cubic(2e-4, pitch_backlash_deg=2e-3), TILTED, 1)
     found = trace(data, validate=False).sensors["x_V"]
-    assert {e.effect for e in found.effects} == {"backlash-pitch", "sensor-third-order"}
-    assert all("isolation-pad-deflection" not in e.aliases for e in found.effects)
+    assert {e.effect for e in found.added} == {"backlash-pitch", "sensor-third-order"}
+    assert all("isolation-pad-deflection" not in e.aliases for e in found.added)
     (refused,) = found.refused
     assert refused.instead_of == "sensor-third-order"
     assert refused.value < -10.0 * refused.stderr
@@ -102,7 +102,7 @@ def test_what_only_pads_of_negative_compliance_would_explain_is_said() -> None:
     bench = Bench(compliance={("y", "x"): -1.5e-3})
     found = trace(simulate(bench, D1(180, 13, 7, replications=2), 3)[0], validate=False)
     for sensor in found.sensors.values():
-        assert "isolation-pad-deflection" not in {e.effect for e in sensor.effects}
+        assert "isolation-pad-deflection" not in {e.effect for e in sensor.added}
         assert any("a package that hangs below its pads" in note for note in sensor.notes)
 
 
@@ -131,7 +131,7 @@ def test_a_line_loses_nothing_that_it_cannot_lose(name: str, size: float) -> Non
     two = (Transducer(), Transducer(sensitivity=1.7))
     there = trace_whole_plots(simulate_pressure(PressureBench(two, **{field: size}), seed=2), validate=False)
     first = there.sensors["bridge_1_mV"]
-    assert effect in {first.effects[0].effect, *first.effects[0].aliases}
+    assert effect in {first.added[0].effect, *first.added[0].aliases}
     assert not first.refused
     other = trace_whole_plots(simulate_pressure(PressureBench(two, **{field: -size}), seed=2), validate=False)
     assert effect not in {c.effect.name for c in other.chosen}

@@ -27,7 +27,7 @@ PADS = Bench(
 def contributions(found):
     out = {}
     for sensor, of_sensor in found.sensors.items():
-        for effect in of_sensor.effects:
+        for effect in of_sensor.added:
             out.setdefault(effect.effect, {})[sensor] = effect.contribution_V
     return out
 

@@ -29,7 +29,7 @@ def test_six_whole_plots_are_said_to_be_few_with_the_drift_that_they_would_show(
     """A drift with p = 0.0006 by plots was answered "nothing to add" without a word."""
     found = traced(6, 0.07, seed=5)
     assert not found.added
-    (said,) = (one for one in found.remarks if "whole plots are few" in one)
+    (said,) = (one for one in found.notes if "whole plots are few" in one)
     assert said.startswith("6 whole plots are few for effects that change from one to the next")
     assert "chance gives as much" in said
     (smallest,) = map(float, re.findall(r"found here is about ([0-9.]+) Hz over the run", said))
@@ -41,4 +41,4 @@ def test_six_whole_plots_are_said_to_be_few_with_the_drift_that_they_would_show(
 
 @pytest.mark.parametrize(("plots", "drift"), [(20, 0.0), (6, 1.0)])
 def test_nothing_is_said_of_many_whole_plots_or_beside_an_effect_in_time(plots, drift):
-    assert not any("whole plots are few" in one for one in traced(plots, drift).remarks)
+    assert not any("whole plots are few" in one for one in traced(plots, drift).notes)

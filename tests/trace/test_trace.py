@@ -21,7 +21,7 @@ CLEAN = Bench()
 
 
 def names(found):
-    return {(s, e.effect) for s, t in found.sensors.items() for e in t.effects}
+    return {(s, e.effect) for s, t in found.sensors.items() for e in t.added}
 
 
 DEMO_NAMES = {(s, "sensitivity-temperature") for s in (X, Y, Z)} | {(s, "isolation-pad-deflection") for s in (X, Z)}
@@ -44,12 +44,12 @@ def test_the_night_of_the_demo(demo):
     assert x.before.drift_S.value > 50  # as row 28(a): temperature shows in T_S and not in T_bias
     assert x.after.bias.value < 1.2
     assert x.cv_rms_after == pytest.approx(sigma, rel=0.05)
-    pads = next(e for e in x.effects if e.effect == "isolation-pad-deflection")
+    pads = next(e for e in x.added if e.effect == "isolation-pad-deflection")
     assert pads.terms == ("sin(2*pitch)*cos(roll)",)
     assert pads.unit == "V"
     assert pads.stratum == "between-point"
     assert pads.coefficients[0] == pytest.approx(5.0 * np.radians(8e-4) / 2, rel=0.03)
-    warm = next(e for e in x.effects if e.effect == "sensitivity-temperature")
+    warm = next(e for e in x.added if e.effect == "sensitivity-temperature")
     assert warm.stratum == "point-by-replication"
     assert warm.coefficients[0] == pytest.approx(5.0 * 1.1e-4, rel=0.01)
     # three sensors judged together tell a package that turns from three cross-axis terms
@@ -133,7 +133,7 @@ def test_verdict_on_replications_that_wander():
     data, _ = simulate(Bench(offset_sd=3.0), D1(90, 13, 13), seed=2)
     x = trace(data, validate=False).sensors[X]
     assert x.verdict == "unexplained"
-    assert "between replications" in x.unnamed[0].where
+    assert "between replications" in x.unnamed[0].cause
     assert trace(simulate(CLEAN, D1(90, 13, 13), 0)[0], validate=False).sensors[X].verdict == "nothing to add"
 
 
@@ -142,7 +142,7 @@ def test_an_offset_that_walks_all_night_is_said_to_walk():
     found = trace(data, validate=False)
     assert names(found) == DEMO_NAMES
     assert all(t.verdict == "explained" for t in found.sensors.values())  # the walk is a finding about the noise
-    assert all("random walk" in t.unnamed[0].where for t in found.sensors.values())
+    assert all("random walk" in t.unnamed[0].cause for t in found.sensors.values())
 
 
 def with_strange(data, on_x):
@@ -155,16 +155,16 @@ def test_what_no_effect_explains_is_shown_and_not_named():
     strange = 8e-5 * np.sin(3 * np.radians(data.pitch_deg)) * np.cos(2 * np.radians(data.roll_deg))
     odd = with_strange(data, strange)
     x = trace(odd, validate=False).sensors[X]
-    assert x.effects == ()
+    assert x.added == ()
     assert x.verdict == "unexplained"
-    assert x.unnamed[0].where == "between points, 3 periods a turn in pitch and 2 in roll"
+    assert x.unnamed[0].cause == "between points, 3 periods a turn in pitch and 2 in roll"
     assert x.unnamed[0].share > 0.9
     taken = trace(odd, unnamed=True)
     x = taken.sensors[X]
-    assert x.effects == ()
+    assert x.added == ()
     assert x.verdict == "unexplained"
     assert x.unnamed[0].added
-    assert x.unnamed[0].where.startswith("between points, 3 periods a turn in pitch and 2 in roll: taken up")
+    assert x.unnamed[0].cause.startswith("between points, 3 periods a turn in pitch and 2 in roll: taken up")
     assert x.cv_rms_after < 0.5 * x.cv_rms_before
     assert np.std(taken.predict(odd)[X] - clean[X] - strange) < 0.1 * np.std(strange)
     json.dumps(taken.to_json(), allow_nan=False)
@@ -178,13 +178,13 @@ def test_what_one_sensor_shows_alone_is_not_of_the_head():
     data, _ = simulate(CLEAN, SMALL, seed=1)
     found = trace(with_strange(data, 9e-5 * np.sin(np.radians(data.pitch_deg)) ** 5), validate=False)
     assert {(X, "saturation")} <= names(found) <= {(X, "saturation"), (X, "sensor-third-order")}
-    assert all(effect.doubtful for effect in found.sensors[X].effects), "one unlisted cause would look like this"
+    assert all(effect.doubtful for effect in found.sensors[X].added), "one unlisted cause would look like this"
 
 
 def test_one_sensor_without_roll_cannot_tell_pads_from_the_head():
     bench = Bench(sensors=(Sensor("x"),), compliance={("y", "x"): 8e-4})
     data, _ = simulate(bench, Plan(np.linspace(-180, 180, 73), np.array([0.0])), seed=0)
-    (effect,) = trace(data, validate=False).sensors[X].effects
+    (effect,) = trace(data, validate=False).sensors[X].added
     assert effect.effect == "isolation-pad-deflection"
     assert effect.terms == ("sin(2*pitch)",)
     assert "head-once-per-turn" in effect.aliases
@@ -199,7 +199,7 @@ def test_one_sensor_with_roll_can():
     ):
         data, _ = simulate(bench, D1(180, 19, 13), seed=0)
         found = trace(data, validate=False).sensors[X]
-        (effect,) = found.effects
+        (effect,) = found.added
         assert effect.effect == name
         # only the head can part commands that share an attitude
         assert (found.shared_attitude_before.p < 1e-6) == (name == "head-once-per-turn")
@@ -210,7 +210,7 @@ def test_temperature_that_only_rises_is_one_class_with_drift():
     bench = Bench(sensors=(Sensor("x", b_per_degC=4e-4),), degC_daily=0.25, degC_phase=-0.5, hours=3.0)
     data, _ = simulate(bench, D1(90, 13, 13), seed=1)
     assert np.corrcoef(data.elapsed_s, data.sensor_temperature_degC)[0, 1] > 0.99
-    (effect,) = trace(data, validate=False).sensors[X].effects
+    (effect,) = trace(data, validate=False).sensors[X].added
     assert {effect.effect, *effect.aliases} >= {"offset-temperature", "offset-drift"}
 
 
@@ -227,7 +227,7 @@ def test_backlash_without_roll_and_direction_alternating_by_replication():
         data, _ = simulate(Bench(sensors=x_only, offset_sd=0.5), plan, seed)
         assert ("x_V", "backlash-pitch") not in names(trace(data, validate=False))
     data, _ = simulate(Bench(sensors=x_only, pitch_backlash_deg=2e-3), plan, 0)
-    (effect,) = trace(data, validate=False).sensors[X].effects
+    (effect,) = trace(data, validate=False).sensors[X].added
     assert effect.effect == "backlash-pitch"
     assert effect.stratum == "replication"
 
@@ -283,15 +283,15 @@ def test_effects_that_replications_left_out_do_not_bear_out_are_noted():
     """Weak but significant pads: real, and yet of little use for what was not fitted."""
     data, _ = simulate(Bench(compliance={("y", "x"): 1e-4}), D1(180, 19, 13), seed=0)
     x = trace(data).sensors[X]
-    assert x.effects
+    assert x.added
     assert x.cv_rms_after > 0.8 * x.cv_rms_before
-    assert any(note.startswith("not confirmed by left-out replications: ") for note in x.notes)
+    assert any(note.startswith("not confirmed by replications left out: ") for note in x.notes)
 
 
 def test_a_p_value_the_simulation_resolves_is_no_bound():
     """Pads that are hardly seen, and ones of twice the size."""
     found = [trace(simulate(Bench(compliance={("y", "x"): c}), SMALL, 2)[0], validate=False) for c in (5e-5, 1e-4)]
-    effects = [e for one in found for t in one.sensors.values() for e in t.effects]
+    effects = [e for one in found for t in one.sensors.values() for e in t.added]
     assert {e.p_adjusted_is_bound for e in effects} == {False, True}
     for e in effects:  # one in the number of simulated runs, which are 400 at least, and one more
         runs = 1.0 / e.p_adjusted - 1.0
@@ -342,7 +342,7 @@ def test_errors_of_the_fitted_parameters_are_those_of_the_joint_fit():
     bench = Bench(sensors=(Sensor("x", quadratic=2e-5), Sensor("y"), Sensor("z")))
     data, _ = simulate(bench, D1(180, 13, 13, replications=2), seed=3)
     found = trace(data, validate=False)
-    (effect,) = found.sensors[X].effects
+    (effect,) = found.sensors[X].added
     assert effect.effect == "sensor-second-order"
     a, r = np.radians(data.pitch_deg), np.radians(data.roll_deg)
     h = [np.ones_like(a), np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r)]

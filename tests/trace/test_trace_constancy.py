@@ -141,6 +141,6 @@ def test_a_backlash_that_wears_in_is_doubtful(changes):
         late = np.where(data.replicate_index >= 2, 0.5, -0.5)
         added = {name: late * (truth[name] - clean[name]) for name in data.outputs}
         data = replace(data, outputs={name: volts + added[name] for name, volts in data.outputs.items()})
-    effects = {e.effect: e.doubtful for e in trace(data, validate=False).sensors["x_V"].effects}
+    effects = {e.effect: e.doubtful for e in trace(data, validate=False).sensors["x_V"].added}
     assert "backlash-pitch" in effects
     assert bool(effects["backlash-pitch"]) == changes

@@ -117,7 +117,7 @@ def test_effect_of_one_standard_deviation_is_named_and_predicted(name):
     bench = sized(name, 1.0, SMALL)
     data, truth = simulate(bench, SMALL, seed=2, **hidden.options)
     found = trace(data, validate=False)
-    classes = [{e.effect, *e.aliases} for t in found.sensors.values() for e in t.effects]
+    classes = [{e.effect, *e.aliases} for t in found.sensors.values() for e in t.added]
     assert classes
     assert all(hidden.effect in one for one in classes)
     predicted, told = found.predict(data), {s: told_the_truth(bench, [CLEAN], data, s) for s in data.sensors}
@@ -134,11 +134,11 @@ def test_effect_is_named(name):
     scenario = SCENARIOS[name]
     data, _ = simulate(scenario.bench, scenario.plan, seed=1, **scenario.options)
     found = trace(data, validate=False)
-    assert {s: {e.effect for e in t.effects} for s, t in found.sensors.items() if t.effects} == {
+    assert {s: {e.effect for e in t.added} for s, t in found.sensors.items() if t.added} == {
         s: {scenario.effect} for s in scenario.sensors
     }
     first = found.sensors[scenario.sensors[0]]
-    effect = first.effects[0]
+    effect = first.added[0]
     if name in AS_GOOD:
         assert first.verdict == "partly explained"
         assert "shape without a name" in (effect.doubtful or "")
@@ -151,7 +151,7 @@ def test_effect_is_named(name):
     assert NUMBER.sub("#", effect.size) == NUMBER.sub("#", scenario.size)
     sizes = [[float(n) for n in NUMBER.findall(text)] for text in (effect.size, scenario.size)]
     np.testing.assert_allclose(*sizes, rtol=0.15)
-    assert effect.finding().to_json()["size"] == effect.size
+    assert effect.to_json()["size"] == effect.size
     if scenario.coefficient is not None:
         assert abs(effect.coefficients[0] - scenario.coefficient) < 5 * effect.stderr[0] + 0.01 * scenario.coefficient
 
@@ -181,9 +181,9 @@ def test_effects_are_found_by_the_axis_told_not_by_the_name():
         "z_1": "attitude-y",
         "x_1": "attitude-z",
     }
-    (effect,) = found.sensors["y_1"].effects
+    (effect,) = found.sensors["y_1"].added
     assert effect.effect == "cross-axis"
-    assert effect.terms == trace(data, validate=False).sensors[X].effects[0].terms
+    assert effect.terms == trace(data, validate=False).sensors[X].added[0].terms
 
 
 @pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.name)
@@ -227,7 +227,7 @@ def test_what_tells_two_apart(first, second, says):
 def test_periods_of_the_head_over_a_small_range_are_told_apart_by_a_larger_one():
     plan = Plan(np.linspace(-30, 30, 25), np.array([0.0]))
     data, _ = simulate(Bench(sensors=(Sensor("x"),), pitch_error_deg=(0, 0, 2e-3, 0)), plan, seed=1)
-    (effect,) = trace(data, validate=False).sensors[X].effects
+    (effect,) = trace(data, validate=False).sensors[X].added
     assert {"head-once-per-turn", "head-twice-per-turn"} <= {effect.effect, *effect.aliases}
     for alias in effect.aliases:
         by_name = {entry.name: entry for entry in CATALOGUE}
@@ -242,5 +242,5 @@ def test_a_slip_within_a_replication_is_placed_for_a_sensor_that_does_not_show_e
     half = x.elapsed_s >= np.median(x.elapsed_s[x.replicate == 2])
     tilt = np.cos(np.radians(x.pitch_deg)) * np.cos(np.radians(x.roll_deg)) * 5.0 * np.radians(0.004)
     slipped = replace(x, outputs={"x_V": x.outputs["x_V"] + tilt * half})
-    found = [e for e in trace(slipped, validate=False).sensors["x_V"].effects if e.effect == "mounting-slip-unrecorded"]
+    found = [e for e in trace(slipped, validate=False).sensors["x_V"].added if e.effect == "mounting-slip-unrecorded"]
     assert found

@@ -24,11 +24,11 @@ def test_a_gear_of_ten_teeth_is_named_an_ellipse_of_the_scale_and_said_as_its_al
     outputs["x_V"] = outputs["x_V"] + np.radians(5e-3) * np.cos(pitch) * np.sin(10 * pitch) * np.ptp(outputs["x_V"]) / 2
     data = replace(run, outputs={"x_V": outputs["x_V"]})
     sensor = trace(data, validate=False).sensors["x_V"]
-    effect = next(e for e in sensor.effects if e.effect == "head-twice-per-turn")
+    effect = next(e for e in sensor.added if e.effect == "head-twice-per-turn")
     assert "gear-pitch" in effect.aliases
     assert "half a step (15 deg)" in effect.separate_by
     assert "a gear error of 10 a turn" in effect.separate_by
-    beside = [e.effect for e in sensor.effects if e is not effect]
+    beside = [e.effect for e in sensor.added if e is not effect]
     assert beside == ["sensor-third-order"], "what an effect this large leaves has its shape"
     assert "sensor-third-order has the shape" in effect.doubtful
 

@@ -50,7 +50,7 @@ def test_a_loose_part_that_stays_where_it_fell_is_no_pad():
     outputs = {**data.outputs, X: data.outputs[X] + 1.5 * sd * leans / np.std(leans)}
     sensor = trace(replace(data, outputs=outputs), validate=False).sensors[X]
     assert all(effect.doubtful for effect in sensor.effects if effect.stratum != "noise")
-    assert any("after the last strong tip along" in one.where for one in sensor.unnamed)
+    assert any("after the last strong tip along" in one.cause for one in sensor.unnamed)
 
 
 def traced(columns, **told):
@@ -65,7 +65,7 @@ def test_a_spring_that_snaps_is_said_to_follow_the_last_extreme(monkeypatch):
     columns = {"t_s": np.arange(120.0) * 60.0, "x": x, "y": y}
     result = traced(columns, response="y", formula="1 + x", time="t_s")
     assert all(effect.doubtful for effect in result.added)
-    assert any(one.where == "after the last extreme of x" for one in result.unnamed)
+    assert any(one.cause == "after the last extreme of x" for one in result.unnamed)
 
 
 def of_two_people(off, turn):
@@ -101,7 +101,7 @@ def test_a_range_that_a_meter_leaves_late_is_said_to_follow_the_last_extreme():
     low = leaned(p - 0.5 * np.ptp(p), np.argsort(data.order), 0.2 * np.ptp(p))
     outputs = {BRIDGE: data.outputs[BRIDGE] + 1.5 * whole_plot.SUBPLOT * low}
     found = trace_whole_plots(replace(data, outputs=outputs), validate=False).sensors[BRIDGE]
-    assert [one.where for one in found.unnamed] == ["within whole plots, after the last extreme of the pressure"]
+    assert [one.cause for one in found.unnamed] == ["within whole plots, after the last extreme of the pressure"]
     assert not found.effects
 
 
@@ -115,7 +115,7 @@ def test_what_a_channel_keeps_of_the_one_before_it_is_no_hysteresis_alone():
     outputs = {**data.outputs, X: data.outputs[X] + 1.5 * sd * kept / np.std(kept)}
     sensor = trace(replace(data, outputs=outputs), validate=False).sensors[X]
     assert all(effect.doubtful for effect in sensor.effects if effect.stratum != "noise")
-    assert any("after the attitudes before" in one.where for one in sensor.unnamed)
+    assert any("after the attitudes before" in one.cause for one in sensor.unnamed)
 
 
 def test_what_happens_only_when_a_range_has_just_changed_is_said(monkeypatch):
@@ -130,7 +130,7 @@ def test_what_happens_only_when_a_range_has_just_changed_is_said(monkeypatch):
     columns = {"t_s": np.arange(n) * 60.0, "x": x, "range": span, "y": y}
     result = traced(columns, response="y", formula="1 + x", time="t_s")
     assert all(effect.doubtful for effect in result.added)
-    assert any(one.where == "in rows where range has just changed" for one in result.unnamed)
+    assert any(one.cause == "in rows where range has just changed" for one in result.unnamed)
 
 
 def test_a_cause_of_all_sensors_is_doubtful_where_one_of_them_still_has_a_period():

@@ -89,8 +89,8 @@ def test_mains_that_beat_with_the_readings_are_left_without_a_name():
     found = trace(with_error(lambda d: 1.5 * np.sin(2 * np.pi * d.order / 6.43), seed=2), validate=False)
     sensor = found.sensors[X]
     assert sensor.verdict == "unexplained"
-    assert not sensor.effects
-    assert any("periodic" in rest.where for rest in sensor.unnamed)
+    assert not sensor.added
+    assert any("periodic" in rest.cause for rest in sensor.unnamed)
     assert all(other.verdict == "nothing to add" for name, other in found.sensors.items() if name != X)
 
 
@@ -100,7 +100,7 @@ def test_a_shape_of_no_catalogue_is_not_explained(seed):
     found = trace(with_error(lambda d: 1.4 * np.sin(9 * np.pi * np.sin(np.radians(d.pitch_deg))), seed), validate=False)
     sensor = found.sensors[X]
     assert sensor.verdict != "explained"
-    assert sensor.unnamed or all(effect.doubtful for effect in sensor.effects)
+    assert sensor.unnamed or all(effect.doubtful for effect in sensor.added)
 
 
 def test_a_gear_beside_an_index_error_is_doubtful(tmp_path):
@@ -120,12 +120,12 @@ SIX = D1(180, 13, 13, replications=6)
 def test_a_step_between_replications_is_named_at_its_boundary_and_taken_out_whole(first, seed):
     data = with_error(lambda d: 2.0 * (d.replicate >= first), seed=seed, plan=SIX)
     found = trace(data, validate=False)
-    (effect,) = found.sensors[X].effects
+    (effect,) = found.sensors[X].added
     assert effect.effect == "offset-step-unrecorded"
     assert effect.terms == (f"from replication {first}",)
     clean = trace(simulate(CLEAN, SIX, seed)[0], validate=False).sensors[X]
     assert found.sensors[X].after.sigma_E == pytest.approx(clean.after.sigma_E, rel=0.02)
-    assert all(not other.effects for name, other in found.sensors.items() if name != X)
+    assert all(not other.added for name, other in found.sensors.items() if name != X)
 
 
 @pytest.mark.parametrize("seed", [5, 6])
@@ -135,7 +135,7 @@ def test_a_step_between_replications_is_never_silent_and_never_made_worse(first,
     sensor = trace(with_error(lambda d: 2.0 * (d.replicate >= first), seed=seed, plan=SIX), validate=False).sensors[X]
     assert sensor.verdict != "nothing to add"
     assert sensor.after.sigma_E <= sensor.before.sigma_E
-    assert sensor.effects or any("between replications" in rest.where for rest in sensor.unnamed)
+    assert sensor.added or any("between replications" in rest.cause for rest in sensor.unnamed)
 
 
 def placed(since, seed=5):

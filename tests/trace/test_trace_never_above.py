@@ -34,9 +34,9 @@ def test_of_two_effects_that_raise_the_error_together_the_worse_one_goes_and_som
     assert gone.share == pytest.approx(1 - 5 / 6)
     assert "the error of all strata is larger with it" in gone.sentence
     (rest,) = in_place_of(left)
-    assert rest.where == "in the rows where bad would act, but with it the error rises"
+    assert rest.cause == "in the rows where bad would act, but with it the error rises"
     assert rest.share == gone.share
-    assert in_place_of(left, "x_V") == (rest,)
+    assert [one.cause for one in in_place_of(left, "x_V")] == [rest.cause]
 
 
 def test_effects_that_lower_the_error_all_stay():

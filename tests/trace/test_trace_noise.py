@@ -18,7 +18,7 @@ SIGMA_V = np.radians(1.5e-4) * 5.0
 
 
 def names(found):
-    return {(s, e.effect) for s, t in found.sensors.items() for e in t.effects}
+    return {(s, e.effect) for s, t in found.sensors.items() for e in t.added}
 
 
 def noise(found):
@@ -44,7 +44,7 @@ def test_readings_far_off_are_pointed_at_and_hide_nothing():
     assert finding.coefficients == pytest.approx((60 * SIGMA_V, -25 * SIGMA_V), abs=5 * SIGMA_V)
     assert found.sensors[X].residual_after_V.size == len(data)
     assert found.sensors[X].residual_after_V[17] == pytest.approx(60 * SIGMA_V, abs=5 * SIGMA_V)
-    kept, told = (one.sensors[X].effects[0] for one in (found, plain))
+    kept, told = (one.sensors[X].added[0] for one in (found, plain))
     assert abs(kept.coefficients[0] - told.coefficients[0]) < told.stderr[0]
     assert [e["effect"] for e in found.to_json()["sensors"][X]["effects"]] == ["sensor-third-order", "outliers"]
 
@@ -80,7 +80,7 @@ def test_an_effect_of_the_sensor_in_time_is_doubtful_beside_an_offset_that_walks
     first, *others = Bench().sensors
     bench = Bench(wander=8.0, sensors=(replace(first, creep=3e-4), *others))
     found = trace(simulate(bench, D1(180, 13, 7), seed=1)[0], validate=False).sensors[X]
-    (creep,) = found.effects
+    (creep,) = found.added
     assert (creep.effect, found.verdict) == ("creep", "partly explained")
     assert "something wanders slowly" in creep.doubtful
 

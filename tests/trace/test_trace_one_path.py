@@ -40,7 +40,7 @@ def _trace(data: AttitudeData):
 def test_clean_runs_of_one_path_have_no_period(replications):
     """Of 80 sensors in two replications 69 were "unexplained: periodic"."""
     told = [
-        (seed, name, one.unnamed[0].where)
+        (seed, name, one.unnamed[0].cause)
         for seed in range(12)
         for name, one in _trace(_run(seed, replications)).items()
         if one.unnamed
@@ -52,7 +52,7 @@ def test_clean_runs_of_one_path_have_no_period(replications):
 @pytest.mark.parametrize(("replications", "periods"), [(2, 7.5), (3, 22.0 / 3.0)])
 def test_a_hum_that_is_another_in_each_replication_is_still_found(replications, periods):
     found = _trace(_run(5, replications, hum_V=4e-5, period_s=1500.0 / periods))
-    assert any("periodic" in one.where for one in found["x_V"].unnamed)
+    assert any("periodic" in one.cause for one in found["x_V"].unnamed)
     assert not found["z_V"].unnamed
 
 
@@ -65,7 +65,7 @@ def test_one_bad_reading_makes_no_name():
         x[row] += size * 2e-5
         found, without = _trace(replace(data, outputs={**data.outputs, "x_V": x})), _trace(data)
         print("seed", seed, "row", row, "size", size)
-        named, by_chance = ([[e.effect for e in one.effects] for one in each.values()] for each in (found, without))
+        named, by_chance = ([[e.effect for e in one.added] for one in each.values()] for each in (found, without))
         assert named == by_chance
         assert [one.verdict for one in found.values()] == [one.verdict for one in without.values()]
         chance += named != [[], []]

@@ -58,14 +58,14 @@ def test_what_one_person_does_is_found(adds, words):
     """A saw tooth over the dial, and a threshold in the humidity: both were "nothing to add"."""
     found = in_parts_of(read_by_three(4, adds))
     assert found is not None
-    assert f"in the rows whose who {words}" in found.where
+    assert f"in the rows whose who {words}" in found.cause
 
 
 def test_what_one_person_does_is_said():
     """In the whole trace, as something without a name."""
     result = trace_general(read_by_three(4, to_the_nearest_mark))
     assert result.verdict == "unexplained"
-    assert [one.where.split(", ")[-1] for one in result.unnamed] == ["in the rows whose who is 1"]
+    assert [one.cause.split(", ")[-1] for one in result.unnamed] == ["in the rows whose who is 1"]
 
 
 def read_by_name(seed, size, of):
@@ -84,7 +84,7 @@ def test_a_large_shape_of_one_person_is_said_of_that_person():
     """It was a sure period of all, then a doubtful one."""
     result = read_by_name(5, 9.0, [1])
     assert result.verdict == "unexplained"
-    assert [one.where for one in result.unnamed] == ["periodic over x, 7 periods, in the rows whose reader is Bo"]
+    assert [one.cause for one in result.unnamed] == ["periodic over x, 7 periods, in the rows whose reader is Bo"]
     assert [one.effect for one in result.effects] == ["noise-grows"]
 
 
@@ -128,7 +128,7 @@ def test_a_few_hurried_whole_plots_are_said():
     hurried = np.isin(data.whole_plot_index, (3, 9, 15))
     outputs = {ONE: data.outputs[ONE] - 12.0 * SUBPLOT * np.where(hurried, change / np.std(change), 0.0)}
     one = trace_whole_plots(replace(data, outputs=outputs), validate=False).sensors[ONE]
-    assert any("after the pressure before, clearly in" in left.where for left in one.unnamed)
+    assert any("after the pressure before, clearly in" in left.cause for left in one.unnamed)
 
 
 def test_larger_noise_in_some_whole_plots_is_no_shape():
@@ -138,7 +138,7 @@ def test_larger_noise_in_some_whole_plots_is_no_shape():
         rng = np.random.default_rng(seed)
         wild = np.where(np.isin(data.whole_plot_index, (3, 9, 15)), 6.0 * SUBPLOT, 0.0) * rng.standard_normal(len(data))
         one = trace_whole_plots(replace(data, outputs={ONE: data.outputs[ONE] + wild}), validate=False).sensors[ONE]
-        assert not any("by its own amount" in left.where for left in one.unnamed)
+        assert not any("by its own amount" in left.cause for left in one.unnamed)
 
 
 def test_what_the_whole_plot_before_ended_with_is_remembered():
@@ -153,7 +153,7 @@ def test_what_the_whole_plot_before_ended_with_is_remembered():
     fading = (dose - dose[dose > 0].mean()) * (dose > 0) * np.exp(-data.since_s / 720.0)
     outputs = {ONE: data.outputs[ONE] + 2.5 * SUBPLOT * fading / np.std(fading)}
     one = trace_whole_plots(replace(data, outputs=outputs), validate=False).sensors[ONE]
-    assert any("at which the one before ended" in left.where for left in one.unnamed)
+    assert any("at which the one before ended" in left.cause for left in one.unnamed)
 
 
 def test_a_tenth_of_a_degree_within_whole_plots_counts():

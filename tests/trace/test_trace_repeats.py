@@ -50,7 +50,7 @@ def test_kicks_of_both_signs_between_readings_are_said(seed):
     found = trace_general(data)
     assert not found.added
     (rest,) = found.unnamed
-    assert rest.where.startswith("along the run: periodic, one period in 7.3")
+    assert rest.cause.startswith("along the run: periodic, one period in 7.3")
     assert rest.shape.over.unit == "s"
 
 
@@ -62,7 +62,7 @@ def test_noise_does_not_come_again(tau_s):
         at, x = times(rng, n), rng.uniform(0.0, 10.0, n)
         columns = {"x": x, "t_s": at, "y": 3.0 + 2.0 * x + walking(rng, at, tau_s)}
         data, _ = roles_of(Table("table.csv", columns, True, {}), Roles(response="y", formula="1 + x", time="t_s"))
-        told += [rest.where for rest in trace_general(data).unnamed if "periodic" in rest.where]
+        told += [rest.cause for rest in trace_general(data).unnamed if "periodic" in rest.cause]
     assert not told
 
 

@@ -146,7 +146,7 @@ def hidden(name, rms, seed):
 def test_what_changes_from_one_replication_to_the_next_is_told_by_all_that_is_known_of_it():
     """An alignment that follows temperature, at a fifth of a reading's scatter."""
     found = trace(hidden("alignment, temperature", 0.2, 4002), validate=False).sensors["x_V"]
-    assert [e.effect for e in found.effects] == ["alignment-temperature"]
+    assert [e.effect for e in found.added] == ["alignment-temperature"]
 
 
 def test_a_drift_that_replications_agree_about_is_kept():
@@ -154,7 +154,7 @@ def test_a_drift_that_replications_agree_about_is_kept():
     offsets of their own.
     """
     found = trace(hidden("offset drift", 0.5, 110), validate=False).sensors["x_V"]
-    assert "offset-drift" in {name for e in found.effects for name in (e.effect, *e.aliases)}
+    assert "offset-drift" in {name for e in found.added for name in (e.effect, *e.aliases)}
     assert found.after.sigma_E < found.before.sigma_E
 
 
@@ -164,7 +164,7 @@ def test_offsets_that_walk_are_no_drift():
     bench, plan, found = replace(CLEAN, offset_sd=10.0, offset_walk=True), D1(60, 5, 5), 0
     for seed in range(30):
         found += any(
-            one.effects for one in trace(simulate(bench, plan, seed)[0], drifts, validate=False).sensors.values()
+            one.added for one in trace(simulate(bench, plan, seed)[0], drifts, validate=False).sensors.values()
         )
     assert found <= 3
 
@@ -194,7 +194,7 @@ def test_sensors_have_one_scatter_until_the_data_say_otherwise():
 
 def test_nothing_is_named_in_a_run_without_effects():
     found = trace(simulate(CLEAN, PLAN, 5)[0], validate=False)
-    assert not any(one.effects for one in found.sensors.values())
+    assert not any(one.added for one in found.sensors.values())
 
 
 def test_replications_left_out_are_searched_with_what_is_simulated():

@@ -63,7 +63,7 @@ def test_neighbours_in_replications_may_be_alike():
 def test_jumps_between_two_levels_are_said(seed):
     jumps = telegraph(160, 12.0, np.random.default_rng(seed))
     result = traced(sensor_of(160, seed, lambda _c: 3.5 * jumps), response="y", formula="1 + x", time="t_s")
-    said = [rest.where for rest in result.unnamed] + [str(effect.doubtful) for effect in result.added]
+    said = [rest.cause for rest in result.unnamed] + [str(effect.doubtful) for effect in result.added]
     assert any("jumps between two levels" in text for text in said)
     assert all(effect.doubtful for effect in result.added)
     assert result.verdict != "explained"
@@ -75,7 +75,7 @@ def test_noise_that_remembers_does_not_jump(rho):
         error = 2.0 * remembering(160, rho, np.random.default_rng(seed))
         columns = sensor_of(160, seed, lambda _c, error=error: error)
         result = traced(columns, response="y", formula="1 + x", time="t_s")
-        assert not any("jumps" in rest.where for rest in result.unnamed)
+        assert not any("jumps" in rest.cause for rest in result.unnamed)
 
 
 def test_two_levels_are_as_far_apart_as_they_are():
@@ -172,7 +172,7 @@ def test_an_oscillation_that_has_not_come_back_twice_is_doubtful(seed):
 
     result = traced(sensor_of(150, seed, slow), response="y", formula="1 + x", time="t_s")
     waves = [effect for effect in result.added if effect.effect.startswith("oscillation")]
-    assert waves or any("along" in rest.where or "t_s" in rest.where for rest in result.unnamed)
+    assert waves or any("along" in rest.cause or "t_s" in rest.cause for rest in result.unnamed)
     assert all(effect.doubtful for effect in waves)
 
 
@@ -223,7 +223,7 @@ def test_what_begins_anew_with_each_operator_is_said():
     text = {"operator": np.where(stays == 1, "Ann", "Bo")}
     table = Table("table.csv", columns, simulated=True, provenance={}, text=text)
     result = trace_general(roles_of(table, Roles(response="y", formula="1 + x", time="t_s"))[0])
-    assert any("since operator changed" in rest.where for rest in result.unnamed)
+    assert any("since operator changed" in rest.cause for rest in result.unnamed)
     assert all(effect.doubtful for effect in result.added)
 
 
@@ -252,5 +252,5 @@ def test_what_is_set_anew_at_each_change_of_operator_is_said():
     result = trace_general(roles_of(table, Roles(response="y", formula="1 + x", time="t_s"))[0])
     assert not result.added
     (rest,) = [rest for rest in result.unnamed if rest.stratum != "noise"]
-    assert rest.where.startswith("with an offset of its own from each change of operator to the next")
+    assert rest.cause.startswith("with an offset of its own from each change of operator to the next")
     assert rest.shape.over.variable == "t_s"

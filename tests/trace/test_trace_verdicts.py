@@ -12,7 +12,8 @@ import strong_truth
 
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine import family
-from rig.fitter.trace.found import Unnamed, verdict
+from rig.fitter.trace.found import verdict
+from rig.fitter.trace.outcome import remains
 from rig.fitter.trace.keep import kept
 from rig.fitter.trace.shares import of_rest, shares
 from rig.procedures.attitude.effects import CATALOGUE
@@ -117,7 +118,7 @@ def test_shares_are_shapleys_of_the_fall_in_every_order():
     assert found[0] == pytest.approx(found[1], rel=0.5)
     # scatter that explains more than there is: all is explained, and not more than all
     assert shares(list(columns.T), y, float(y @ y)).sum() == pytest.approx(1.0)
-    assert of_rest(found, (Unnamed("here", 0.9), Unnamed("there", 0.6)))[0].share == pytest.approx(
+    assert of_rest(found, (remains("here", 0.9), remains("there", 0.6)))[0].share == pytest.approx(
         0.6 * (1.0 - found.sum())
     )
 
@@ -136,10 +137,10 @@ def test_noise_alone_is_said_and_explains_nothing():
     [
         (True, True, (), "explained"),
         (True, False, (), "partly explained"),
-        (True, True, (Unnamed("here", 0.1),), "partly explained"),
-        (True, True, (Unnamed("a walk", 0.1, stratum="noise"),), "explained"),
-        (False, False, (Unnamed("here", 0.1),), "unexplained"),
-        (False, False, (Unnamed("a walk", 0.1, stratum="noise"),), "nothing to add"),
+        (True, True, (remains("here", 0.1),), "partly explained"),
+        (True, True, (remains("a walk", 0.1, stratum="noise"),), "explained"),
+        (False, False, (remains("here", 0.1),), "unexplained"),
+        (False, False, (remains("a walk", 0.1, stratum="noise"),), "nothing to add"),
         (False, False, (), "nothing to add"),
     ],
 )

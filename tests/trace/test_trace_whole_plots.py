@@ -413,7 +413,7 @@ def test_what_no_effect_explains_is_shown_and_not_named():
     kink = data.outputs[ONE] + 0.015 * np.isclose(data.pressure_psia, 0.79, atol=0.01)
     one = trace_whole_plots(replace(data, outputs={ONE: kink}), validate=False).sensors[ONE]
     assert one.verdict in ("unexplained", "partly explained")
-    assert [rest.where[:38] for rest in one.unnamed] == [
+    assert [rest.cause[:38] for rest in one.unnamed] == [
         "within whole plots, over the pressure",
         "within whole plots, most at 0.79 psia:",
     ]
@@ -427,7 +427,7 @@ def test_what_varies_smoothly_is_shown_with_its_variable():
     one = trace_whole_plots(replace(data, outputs={ONE: wave}), validate=False).sensors[ONE]
     assert one.verdict == "partly explained"
     assert all(effect.doubtful for effect in one.effects)
-    assert one.unnamed[0].where == "within whole plots, over the pressure"
+    assert one.unnamed[0].cause == "within whole plots, over the pressure"
     assert not any(trace_whole_plots(simulate(seed=s), validate=False).sensors[ONE].unnamed for s in range(5))
 
 
@@ -441,7 +441,7 @@ def test_a_reading_that_stands_out_is_pointed_at():
     assert effect.terms[0].startswith("order 17 at ")
     assert effect.coefficients[0] == pytest.approx(0.2, abs=4 * SUBPLOT)
     assert one.after.residual_mV[17] == pytest.approx(0.2, abs=4 * (SUBPLOT + WHOLE_PLOT))
-    json.dumps(effect.finding().to_json(), allow_nan=False)
+    json.dumps(effect.to_json(), allow_nan=False)
 
 
 def test_readings_that_stand_out_neither_hide_nor_make_an_effect():

@@ -56,7 +56,7 @@ def test_what_is_left_lives_where_it_was_put():
     trace = trace_whole_plots(replace(data, outputs=outputs), validate=False, catalogue=without("hysteresis")).sensors[
         ONE
     ]
-    assert "over the side from which a pressure was reached" in " ".join(one.where for one in trace.unnamed)
+    assert "over the side from which a pressure was reached" in " ".join(one.cause for one in trace.unnamed)
 
 
 def test_a_period_in_order_is_said():
@@ -64,7 +64,7 @@ def test_a_period_in_order_is_said():
     data = simulate(seed=32)
     hum = 1.5 * np.sqrt(2.0) * SUBPLOT * np.sin(2.0 * np.pi * data.order / 4.3 + 1.0)
     trace = trace_whole_plots(replace(data, outputs={ONE: data.outputs[ONE] + hum}), validate=False).sensors[ONE]
-    assert "one period in 4.3" in " ".join(one.where for one in trace.unnamed)
+    assert "one period in 4.3" in " ".join(one.cause for one in trace.unnamed)
     assert trace.verdict == "unexplained"
 
 
@@ -107,7 +107,7 @@ def test_what_whole_plots_remember_in_a_way_of_no_catalogue_is_said(seed):
     """A shock of the temperature, whichever way it goes: was nothing to add."""
     data = simulate(TWO, seed=seed)
     traces = trace_whole_plots(of_plots(data, np.abs(steps_before(data))), validate=False).sensors
-    said = [one.where for trace in traces.values() for one in trace.unnamed]
+    said = [one.cause for trace in traces.values() for one in trace.unnamed]
     assert all("after the step of the transducer's temperature before" in where for where in said)
     assert all(trace.verdict in ("unexplained", "partly explained") for trace in traces.values())
     assert all(effect.doubtful for trace in traces.values() for effect in effects_in(trace))
@@ -122,7 +122,7 @@ def test_whole_plots_that_wander_are_said_to_be_alike_and_add_nothing():
     for k in range(1, 20):
         wander[k] = 0.8 * wander[k - 1] + 0.6 * wander[k]
     traces = trace_whole_plots(of_plots(data, wander), validate=False).sensors
-    (said,) = {one.where for trace in traces.values() for one in trace.unnamed}
+    (said,) = {one.cause for trace in traces.values() for one in trace.unnamed}
     assert said.startswith("between whole plots: errors of neighbours in time are alike")
     assert {trace.verdict for trace in traces.values()} == {"nothing to add"}
 
@@ -160,4 +160,4 @@ def test_noise_within_whole_plots_leaves_nothing(bench, run):
 def test_errors_of_neighbours_that_are_alike_may_have_a_cause_and_the_finding_says_where_it_is_seen():
     found = Course("along the run", Shape(0, 0.5, 0.001, 0.4), common=False).unnamed()
     assert found.stratum == "noise"
-    assert found.where.endswith("or follow something slow; it may be a cause seen along the run")
+    assert found.cause.endswith("or follow something slow; it may be a cause seen along the run")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,15 +13,17 @@ from rig.fitter.replication import Replication
 from rig.fitter.trace.aliases import Rival, separation
 from rig.fitter.trace.doubts import beside_a_wander, by_chance, error_rises
 from rig.fitter.trace.drawn import drawn, drawn_instead, drawn_period
-from rig.fitter.trace.found import Found, Unnamed, verdict
+from rig.fitter.trace.found import of_left_out, told, verdict
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import CLEAR
 from rig.fitter.trace.not_kept import NotKept, for_others
+from rig.fitter.trace.outcome import CONDITIONAL, Finding, Parameter, WithError, remains
 from rig.fitter.trace.shares import of_rest, shares, unnamed_part
+from rig.fitter.trace.signs import Refused
 from rig.procedures.attitude.data import AttitudeData
-from rig.procedures.attitude.effects import Effect, separate
+from rig.procedures.attitude.effects import Effect, Scene, separate
 from rig.procedures.attitude.effects.unnamed import NAMELESS
-from rig.procedures.attitude.fit import AttitudeFit
+from rig.procedures.attitude.fit import AttitudeFit, coefficient_table, temperature_table
 from rig.procedures.attitude.model import attitude_columns
 from rig.procedures.attitude.trace.estimate import Estimate, concerns, predict
 from rig.procedures.attitude.trace.fine import turns_with
@@ -32,12 +34,13 @@ from rig.procedures.attitude.trace.noise import noise_findings, outlier_finding
 from rig.procedures.attitude.trace.outliers import outliers
 from rig.procedures.attitude.trace.problem import Problem, raw_columns
 from rig.procedures.attitude.trace.remainder import shared_attitude, strongest_wave
-from rig.procedures.attitude.trace.result import FoundEffect, SensorTrace
+from rig.procedures.attitude.trace.result import FoundEffect, SensorTrace, side
 from rig.procedures.attitude.trace.score import RESOLVED
 from rig.procedures.attitude.trace.unmodelled import UnmodelledSmooth
 
 UNEXPLAINED = limit("unexplained", "pitch-roll")
 """Probability of lack of fit or drift below which a remainder is reported."""
+LEAVING_OUT = "each replication in turn left out of selection and fit, its offset predicted as zero"
 SHOWS = 3.0
 """Minimum size of an effect on the package, in standard errors, for a report in a sensor; it is always reported in the
 sensor with the largest size.
@@ -55,6 +58,7 @@ def sensor_trace(
     classes: dict[str, tuple[Rival, ...]],
     i: int,
     cv: FloatArray | None,
+    refused: Sequence[Refused],
     unmodelled: UnmodelledSmooth,
     doubts: Mapping[str, str],
 ) -> SensorTrace:
@@ -71,6 +75,7 @@ def sensor_trace(
         classes: all explanations of each effect found, by its name.
         i: the sensor.
         cv: (2,) rms errors left out, before and after.
+        refused: causes that would fit, in any sensor.
         unmodelled: shapes without a name beside what was found.
         doubts: reasons for doubt about names, by name.
 
@@ -84,54 +89,75 @@ def sensor_trace(
     slow = {effect.name for effect in own if effect.against == "elapsed_s" and effect.scope != "package"}
     shown = [e for name in classes if (e := _found(judge, whole, after, classes[name], name, i)) is not None]
     divided = _shares(problem, after, [effect.effect for effect in shown], unnamed_part(rest), i)
-    every = sorted(
-        (
-            replace(
-                effect,
-                share=float(share),
-                doubtful=doubts.get(effect.effect)
-                or (error_rises() if effect.effect in inside else None)
-                or (beside_a_wander() if problem.wander[i] > 0 and effect.effect in slow else None)
-                or by_chance(effect.p_adjusted),
-                left_in=effect.effect in inside,
-            )
-            for effect, share in zip(shown, divided, strict=True)
-        ),
-        key=lambda effect: -effect.share,
-    )
+
+    def doubt(effect: Finding) -> str | None:
+        walks = problem.wander[i] > 0 and effect.effect in slow
+        rises = error_rises() if effect.effect in inside else None
+        return (
+            doubts.get(effect.effect) or rises or (beside_a_wander() if walks else None) or by_chance(effect.p_adjusted)
+        )
+
+    every = told(shown, divided, doubt, inside)
     fell = not inside and stated.tables[i].sigma_E < before.tables[i].sigma_E
     smooth = tuple(effect for effect in every if effect.effect in NAMELESS)
     effects = tuple(effect for effect in every if effect.effect not in NAMELESS)
     unnamed = (*(_added(problem, after, one, i) for one in smooth), *of_rest(divided, rest))
+    errors = (None, None) if cv is None else (float(cv[0]), float(cv[1]))
+    S_V, tables = declared.parameters.S_V, (before.tables[i], stated.tables[i])
+    shared = [shared_attitude(problem, fitted.corrected[i]) for fitted in (before, stated)]
+    fit, temperature = stated.fits[i], stated.temperatures[i]
+    own_rows = coefficient_table(fit) | temperature_table(temperature, S_V, fit.df)
     return SensorTrace(
         sensor=sensor,
         declared=declared.declared,
         verdict=verdict(found=bool(effects), fell=fell, rest=unnamed, doubtful=any(e.doubtful for e in effects)),
-        before=before.tables[i],
-        after=stated.tables[i],
-        cv_rms_before=None if cv is None else float(cv[0]),
-        cv_rms_after=None if cv is None else float(cv[1]),
-        effects=effects,
+        before=tables[0],
+        after=tables[1],
+        rows=(side(tables[0], errors[0], shared[0], S_V), side(tables[1], errors[1], shared[1], S_V)),
+        cv_rms_before=errors[0],
+        cv_rms_after=errors[1],
+        effects=(*effects, *noise_findings(problem, after, i), *_outliers(problem, whole, aside, after, i)),
         unnamed=unnamed,
         instead=drawn_instead(unmodelled, tuple(e.effect for e in effects if e.doubtful), i),
-        shared_attitude_before=shared_attitude(problem, before.corrected[i]),
-        shared_attitude_after=shared_attitude(problem, stated.corrected[i]),
-        fit=stated.fits[i],
-        temperature=stated.temperatures[i],
-        S_V=declared.parameters.S_V,
+        refused=tuple(one for one in refused if sensor in one.sensors),
+        shared_attitude_before=shared[0],
+        shared_attitude_after=shared[1],
+        fit=fit,
+        temperature=temperature,
+        S_V=S_V,
         residual_before_V=residual_of(problem, before, whole)[i],
         residual_after_V=residual_of(problem, stated, whole)[i],
-        temperature_recorded=problem.scene.temperature_degC is not None,
-        smooth=smooth,
-        keeping=(
+        fitted=(
+            *(Parameter(name, WithError.of_json(row)) for name, row in own_rows.items()),
+            *(one for effect in (*effects, *smooth) for one in effect.parameters),
+        ),
+        notes=(
+            *(one.sentence for one in refused if sensor in one.sensors),
             *(one.sentence for one in not_kept if one.sensor in (None, sensor)),
             *(() if fell else (for_others(effect.effect) for effect in effects)),
+            *_notes(tables, problem.scene, found=bool(effects), smooth=bool(smooth)),
+            *of_left_out(errors[0], errors[1], "replications", LEAVING_OUT, asked=bool(every)),
         ),
-        noise=(*noise_findings(problem, after, i), *_outliers(problem, whole, aside, after, i)),
     )
 
 
-def _outliers(problem: Problem, whole: AttitudeData, aside: IntArray, after: Estimate, i: int) -> tuple[Found, ...]:
+def _notes(tables: tuple[Replication, Replication], scene: Scene, *, found: bool, smooth: bool) -> Iterator[str]:
+    before, after = tables
+    if after.blind is not None:
+        yield after.blind.sentence
+    if scene.temperature_degC is None:
+        yield "no sensor temperature was recorded: temperature effects could not be tested"
+    if found and after.drift_b.value > before.drift_b.value:
+        yield "T_b rose because the lack of fit that was removed stood in its denominator; p_drift is free of that"
+    if found:
+        yield CONDITIONAL
+    if smooth:
+        yield "smooth terms without a cause are in the fit: they describe these points and explain nothing"
+
+
+def _outliers(
+    problem: Problem, whole: AttitudeData, aside: IntArray, after: Estimate, i: int
+) -> tuple[FoundEffect, ...]:
     """The left-out readings of sensor `i`, and their influence on the fit."""
     if not aside.size:
         return ()
@@ -181,6 +207,7 @@ def _found(
     gear = same_on_grid(name, problem.scene.data)
     experiments = _experiments(effect, alike) if gear is None else f"{_experiments(effect, alike)}; {gear.separate_by}"
     return FoundEffect(
+        kind="effect",
         effect=name,
         cause=effect.cause,
         stratum=stratum,
@@ -239,8 +266,8 @@ def _pure_variance(table: Replication) -> float:
     return table.sigma_pr**2 if np.isfinite(table.sigma_pr) else table.sigma_E**2
 
 
-def _unnamed(problem: Problem, after: Estimate, unmodelled: UnmodelledSmooth, i: int) -> tuple[Unnamed, ...]:
-    table, rest = after.tables[i], list[Unnamed]()
+def _unnamed(problem: Problem, after: Estimate, unmodelled: UnmodelledSmooth, i: int) -> tuple[Finding, ...]:
+    table, rest = after.tables[i], list[Finding]()
     if table.sigma_E < RESOLVED * np.ptp(after.corrected[i]):
         return ()
     between, within = (unmodelled.left_in(i, level) for level in LEVELS[1:])
@@ -249,24 +276,24 @@ def _unnamed(problem: Problem, after: Estimate, unmodelled: UnmodelledSmooth, i:
         rest.append(replace(strongest_wave(problem, after.corrected[i]), shape=shape))
     elif between is not None and between.p < UNEXPLAINED:
         part = _part(table, between.remainder.share)
-        rest.append(Unnamed(between.where, part, shape=drawn(unmodelled, between, i)))
+        rest.append(remains(between.where, part, shape=drawn(unmodelled, between, i)))
     fine = unmodelled.fine
     if fine is not None and fine.p < CLEAR and turns_with(problem.scene, fine.over, i):
         where = f"between points, package: an error of {fine.over}, {fine.where}"
-        rest.append(Unnamed(where, _part(table, fine.share), shape=drawn_period(unmodelled, fine, i)))
+        rest.append(remains(where, _part(table, fine.share), shape=drawn_period(unmodelled, fine, i)))
     line = unmodelled.lines[i]
     if line is not None and line.p < CLEAR:
-        rest.append(Unnamed(line.where, _part(table, line.share), shape=drawn_period(unmodelled, line, i)))
+        rest.append(remains(line.where, _part(table, line.share), shape=drawn_period(unmodelled, line, i)))
     elif within is not None and within.p < UNEXPLAINED and not (problem.wander[i] > 0 and within.place.timed):
         part = _part(table, within.remainder.share)
-        rest.append(Unnamed(within.where, part, shape=drawn(unmodelled, within, i)))
+        rest.append(remains(within.where, part, shape=drawn(unmodelled, within, i)))
     if problem.wander[i] > 0:
         walk = "along the run: the offset takes a random walk"
-        rest.append(Unnamed(walk, _walk_share(problem, i), stratum="noise"))
+        rest.append(remains(walk, _walk_share(problem, i), stratum="noise"))
     elif table.drift.p < UNEXPLAINED:
         share = 1.0 - _pure_variance(table) / table.sigma_E**2
         drift = unmodelled.drawn_drift(table.drift.p, i)
-        rest.append(Unnamed("between replications: the parameters drift", float(np.clip(share, 0.0, 1.0)), shape=drift))
+        rest.append(remains("between replications: the parameters drift", float(np.clip(share, 0.0, 1.0)), shape=drift))
     return tuple(rest)
 
 
@@ -276,12 +303,12 @@ def _part(table: Replication, share: float) -> float:
     return float(np.clip(share * table.sigma_pr**2 / table.sigma_E**2 if known else share, 0.0, 1.0))
 
 
-def _added(problem: Problem, after: Estimate, smooth: FoundEffect, i: int) -> Unnamed:
+def _added(problem: Problem, after: Estimate, smooth: FoundEffect, i: int) -> Finding:
     """Place of a term without a cause that was added to sensor `i`."""
     own = (problem.candidates[j] for j in after.chosen)
     groups = dict.fromkeys(c.term.group for c in own if c.cause == (smooth.effect, problem.sensors[i]))
     level = "along the run" if smooth.against == "elapsed_s" else "between points"
-    return Unnamed(f"{level}, {'; '.join(groups)}: taken up by a smooth term without a cause", smooth.share, added=True)
+    return remains(f"{level}, {'; '.join(groups)}: taken up by a smooth term without a cause", smooth.share, added=True)
 
 
 def _walk_share(problem: Problem, i: int) -> float:

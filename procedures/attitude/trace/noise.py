@@ -1,4 +1,4 @@
-"""Findings about noise: a random walk of the offset, growing scatter, outliers.
+"""FoundEffects about noise: a random walk of the offset, growing scatter, outliers.
 
 These findings have the stratum "noise". They limit the validity of other findings and of intervals; no column is added
 to the model for them.
@@ -14,16 +14,16 @@ from scipy import special
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
 from rig.fitter.trace.chance import ALPHA, COUNTED
-from rig.fitter.trace.found import Found
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.trace.estimate import Estimate
 from rig.procedures.attitude.trace.problem import Problem, raw_columns
+from rig.procedures.attitude.trace.result import FoundEffect
 from rig.procedures.attitude.trace.score import errors, rounding, whiten
 from rig.procedures.attitude.trace.wander import walk_evidence
 
 
-def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[Found, ...]:
-    """Findings about noise in the residual of sensor `i` with the effects."""
+def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[FoundEffect, ...]:
+    """FoundEffects about noise in the residual of sensor `i` with the effects."""
     if problem.levels.df(problem.levels.of_error) <= 0:
         return ()
     sigma = errors(problem, after.chosen)
@@ -35,20 +35,20 @@ def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[Found, ..
     return () if found is None else (found,)
 
 
-def _walk(problem: Problem, left: FloatArray, sigma: float, i: int) -> Found | None:
+def _walk(problem: Problem, left: FloatArray, sigma: float, i: int) -> FoundEffect | None:
     p, step = walk_evidence(problem, left)
     p_adjusted = min(p * len(problem.sensors) / COUNTED, 1.0)
     if problem.wander[i] == 0 and p_adjusted > ALPHA:
         return None
     night = sigma * float(np.sqrt(max(step, problem.wander[i]) * len(left)))
-    return Found.of_noise(
+    return FoundEffect.of_noise(
         effect=AUTOCORRELATION,
         cause="the offset takes a random walk: its past does not determine its future",
         terms=("sd of the walk over the run",),
         coefficients=(night,),
         unit="V",
         size=f"{1e6 * night:.3g} uV in {np.ptp(problem.scene.data.elapsed_s) / 3600:.3g} h",
-        p_adjusted=p_adjusted,
+        p=p_adjusted,
         separate_by="go on for some hours at one point: a drift continues, a walk changes its direction",
         against="elapsed_s",
     )
@@ -71,7 +71,7 @@ def _drivers(problem: Problem, i: int) -> Mapping[str, tuple[str, FloatArray]]:
     return {name: driver for name, driver in drivers.items() if np.ptp(driver[1]) > 0}
 
 
-def _growth(problem: Problem, after: Estimate, left: FloatArray, sigma: float, i: int) -> Found | None:
+def _growth(problem: Problem, after: Estimate, left: FloatArray, sigma: float, i: int) -> FoundEffect | None:
     """The driver with the most significant relation to squared residuals, by Koenker's test (J. Econometrics 17 (1981)
     107).
     """
@@ -91,7 +91,7 @@ def _growth(problem: Problem, after: Estimate, left: FloatArray, sigma: float, i
     ends = 1.0 + slope * (np.quantile(value, [0.02, 0.98]) - value.mean()) / squares.mean()
     low, high = (sigma * np.sqrt(np.maximum(ends, 0.0))).tolist()
     least, most = np.quantile(_intervals(problem, after, squares / squares.mean(), i), [0.0, 1.0]).tolist()
-    return Found.of_noise(
+    return FoundEffect.of_noise(
         effect=NOISE_GROWS,
         cause=f"the scatter of readings changes with the {name}",
         terms=(f"sd at the lowest {name}", f"sd at the highest {name}"),
@@ -99,7 +99,7 @@ def _growth(problem: Problem, after: Estimate, left: FloatArray, sigma: float, i
         unit="V",
         size=f"{1e6 * low:.3g} uV to {1e6 * high:.3g} uV; coefficients scatter by {least:.2f} to {most:.2f} times "
         "their standard errors, which are computed with one sd for all",
-        p_adjusted=p_adjusted,
+        p=p_adjusted,
         separate_by="read one point of each kind a hundred times",
         against=against,
     )
@@ -124,7 +124,7 @@ def _intervals(problem: Problem, after: Estimate, squares: FloatArray, i: int) -
 
 def outlier_finding(
     problem: Problem, whole: AttitudeData, rows: IntArray, sd: FloatArray, moved: float, i: int
-) -> Found:
+) -> FoundEffect:
     """The outliers of sensor `i`.
 
     Args:
@@ -140,7 +140,7 @@ def outlier_finding(
     where = tuple(
         f"order {whole.order[r]} at pitch {whole.pitch_deg[r]:g} deg, roll {whole.roll_deg[r]:g} deg" for r in worst
     )
-    return Found.of_noise(
+    return FoundEffect.of_noise(
         effect=OUTLIERS,
         cause="readings that no scatter of the others explains; they are left out of the search and of the fit",
         terms=where,
@@ -148,7 +148,7 @@ def outlier_finding(
         unit="V",
         size=f"{rows.size} of {len(whole)} readings, up to {np.max(np.abs(sd[rows])):.3g} sd; with them the fit moves "
         f"by up to {moved:.2g} of its standard errors",
-        p_adjusted=float(min(sd.size * len(problem.sensors) * 2 * special.ndtr(-np.min(np.abs(sd[rows]))), 1.0)),
+        p=float(min(sd.size * len(problem.sensors) * 2 * special.ndtr(-np.min(np.abs(sd[rows]))), 1.0)),
         separate_by="repeat these points",
         against="elapsed_s",
     )

@@ -7,7 +7,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.sums_of_squares import FTest, centred
-from rig.fitter.trace.found import Unnamed
+from rig.fitter.trace.outcome import Finding, remains
 from rig.procedures.attitude.effects.unnamed import HARMONICS, where
 from rig.procedures.attitude.trace.problem import Problem
 
@@ -33,7 +33,7 @@ def shared_attitude(problem: Problem, corrected_V: FloatArray) -> FTest:
     return FTest(contrast / above / (error / below), above, below)
 
 
-def strongest_wave(problem: Problem, corrected_V: FloatArray) -> Unnamed:
+def strongest_wave(problem: Problem, corrected_V: FloatArray) -> Finding:
     """The product of harmonics in pitch and roll, up to `HARMONICS` per turn, with the largest part of the remainder.
 
     Args:
@@ -43,7 +43,7 @@ def strongest_wave(problem: Problem, corrected_V: FloatArray) -> Unnamed:
     data, roll = problem.scene.data, problem.scene.roll
     left = problem.levels.leave(corrected_V[:, None], "replications")[:, 0]
     left = left - centred(left[:, None], data.point)[:, 0]
-    best = Unnamed("between points", 0.0)
+    best = remains("between points", 0.0)
     for k in range(HARMONICS + 1):
         for m in range((HARMONICS if roll else 0) + 1):
             waves = np.column_stack(
@@ -53,7 +53,7 @@ def strongest_wave(problem: Problem, corrected_V: FloatArray) -> Unnamed:
             basis = orthonormal(own, np.linalg.norm(waves, axis=0), 0.05)
             share = float(np.sum((basis.T @ left) ** 2) / max(np.sum(left**2), np.finfo(float).tiny))
             if share > best.share:
-                best = Unnamed(f"between points, {where(k, m, roll=roll)}", min(share, 1.0))
+                best = remains(f"between points, {where(k, m, roll=roll)}", min(share, 1.0))
     return best
 
 

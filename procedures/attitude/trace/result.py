@@ -12,12 +12,10 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.json_values import JsonValue
 from rig.fitter.replication import Replication
 from rig.fitter.sums_of_squares import FTest
-from rig.fitter.trace.found import CONFIRMED, Explanation, Found, Unnamed
-from rig.fitter.trace.outcome import CONDITIONAL, LEFT_OUT, Instead, Outcome, Parameter, Row, WithError, run_json
-from rig.fitter.trace.signs import Refused
+from rig.fitter.trace.found import OfRun, OfSensor
+from rig.fitter.trace.outcome import Finding, Row
 from rig.procedures.attitude.data import AttitudeData
-from rig.procedures.attitude.effects import Scene
-from rig.procedures.attitude.fit import coefficient_table, table_2, temperature_table
+from rig.procedures.attitude.fit import table_2
 from rig.procedures.attitude.model import attitude_columns
 from rig.procedures.attitude.temperature import Temperature
 from rig.procedures.attitude.trace.alternatives import Alternative
@@ -27,16 +25,16 @@ from rig.procedures.present.words import TESTS
 
 
 @dataclass(frozen=True, eq=False)
-class FoundEffect(Found):
+class FoundEffect(Finding):
     """An effect in one attitude sensor.
 
     Attributes:
-        columns_V: (n, q) contribution of each of its terms to the output of each observation.
+        columns_V: (n, q) contribution of each of its terms to the output of each observation; none of noise.
         df: degrees of freedom of its standard errors.
     """
 
-    columns_V: FloatArray
-    df: float
+    columns_V: FloatArray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
+    df: float = field(default=float("nan"), kw_only=True)
 
     @property
     def contribution_V(self) -> FloatArray:  # noqa: N802 - the unit is part of the name
@@ -46,23 +44,16 @@ class FoundEffect(Found):
     @property
     def own_keys(self) -> dict[str, JsonValue]:
         """Keys of JSON for attitude sensors only."""
-        return {"rms_V": float(np.sqrt(np.mean(self.contribution_V**2)))}
+        return {} if self.kind == "noise" else {"rms_V": float(np.sqrt(np.mean(self.contribution_V**2)))}
 
 
 @dataclass(frozen=True, eq=False)
-class SensorTrace:
-    """Findings in one sensor.
+class SensorTrace(OfSensor[Replication, FoundEffect]):
+    """Findings in one sensor: Table 2 before and after.
 
     Attributes:
-        sensor: column name of its output.
-        declared: the declared model.
-        verdict: "explained", "nothing to add", "partly explained" or "unexplained".
-        before: Table 2 with the declared model.
-        after: Table 2 with the effects removed.
         cv_rms_before: rms error of left-out replications, V; None for a single replication.
         cv_rms_after: the same after, with a search without the left-out replication.
-        effects: found, largest share first.
-        unnamed: the remainder, if it exceeds error.
         shared_attitude_before: agreement of commands with the same attitude; only the head can cause differences, not
             gravity.
         shared_attitude_after: the same with the effects removed.
@@ -71,23 +62,10 @@ class SensorTrace:
         S_V: sensitivity, for conversion of volts to degrees.
         residual_before_V: (n,) residual of the declared model, in the data's order of rows.
         residual_after_V: (n,) residual with the effects.
-        temperature_recorded: whether effects of temperature could be tested.
-        noise: findings about noise; in JSON these are effects of stratum "noise".
-        smooth: terms without a cause that were added.
-        refused: causes that would fit, except for their required sign.
-        keeping: sentences about effects that were not kept, or kept because of other sensors.
-        instead: one shape without a name in place of the doubtful effects.
     """
 
-    sensor: str
-    declared: str
-    verdict: str
-    before: Replication
-    after: Replication
     cv_rms_before: float | None
     cv_rms_after: float | None
-    effects: tuple[FoundEffect, ...]
-    unnamed: tuple[Unnamed, ...]
     shared_attitude_before: FTest
     shared_attitude_after: FTest
     fit: LinearFit
@@ -95,73 +73,19 @@ class SensorTrace:
     S_V: float
     residual_before_V: FloatArray
     residual_after_V: FloatArray
-    temperature_recorded: bool
-    noise: tuple[Found, ...] = ()
-    smooth: tuple[FoundEffect, ...] = ()
-    refused: tuple[Refused, ...] = ()
-    keeping: tuple[str, ...] = ()
-    instead: Instead | None = None
 
-    def outcome(self) -> Outcome:
-        """The same in the form of every kind of run."""
-        return Outcome(
-            sensor=self.sensor,
-            declared=self.declared,
-            verdict=self.verdict,
-            findings=(
-                *(effect.finding() for effect in (*self.effects, *self.noise)),
-                *(rest.finding() for rest in self.unnamed),
-            ),
-            before=self._side(self.before, self.cv_rms_before, self.shared_attitude_before),
-            after=self._side(self.after, self.cv_rms_after, self.shared_attitude_after),
-            fitted=self._fitted(),
-            notes=self.notes,
-            instead=self.instead,
-            refused=tuple(one.to_json() for one in self.refused),
-        )
 
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Sentences shown with the numbers before and after."""
-        notes = [*(one.sentence for one in self.refused), *self.keeping]
-        if self.after.blind is not None:
-            notes.append(self.after.blind.sentence)
-        if not self.temperature_recorded:
-            notes.append("no sensor temperature was recorded: temperature effects could not be tested")
-        if self.effects and self.after.drift_b.value > self.before.drift_b.value:
-            notes.append(
-                "T_b rose because the lack of fit that was removed stood in its denominator; p_drift is free of that"
-            )
-        if self.effects:
-            notes.append(CONDITIONAL)
-        if self.smooth:
-            notes.append("smooth terms without a cause are in the fit: they describe these points and explain nothing")
-        if self.cv_rms_before is not None and self.cv_rms_after is not None:
-            if (self.effects or self.smooth) and self.cv_rms_after > CONFIRMED * self.cv_rms_before:
-                notes.append(
-                    "not confirmed by left-out replications: with the effects found the error on those left out "
-                    f"is {self.cv_rms_after / self.cv_rms_before:.0%} of what it is without them"
-                )
-            notes.append(
-                f"{LEFT_OUT}each replication in turn left out of selection and fit, its offset predicted as zero"
-            )
-        return tuple(notes)
-
-    def _side(self, table: Replication, cv_rms: float | None, shared: FTest) -> tuple[Row, ...]:
-        known = np.isfinite(shared.value)
-        values = {
-            **table_2(table, self.S_V),
-            "cv_rms": cv_rms,
-            "cv_rms_deg": None if cv_rms is None else float(np.degrees(cv_rms / self.S_V)),
-            "T_shared_attitude": shared.value if known else None,
-            "F_shared_attitude_95": shared.limit_95 if known else None,
-        }
-        return tuple(_row(name, value, values) for name, value in values.items())
-
-    def _fitted(self) -> tuple[Parameter, ...]:
-        table = coefficient_table(self.fit) | temperature_table(self.temperature, self.S_V, self.fit.df)
-        own = (Parameter(name, WithError.of_json(row)) for name, row in table.items())
-        return (*own, *(one for effect in (*self.effects, *self.smooth) for one in effect.parameters))
+def side(table: Replication, cv_rms: float | None, shared: FTest, S_V: float) -> tuple[Row, ...]:
+    """Rows of a sensor's table, before or after the effects."""
+    known = np.isfinite(shared.value)
+    values = {
+        **table_2(table, S_V),
+        "cv_rms": cv_rms,
+        "cv_rms_deg": None if cv_rms is None else float(np.degrees(cv_rms / S_V)),
+        "T_shared_attitude": shared.value if known else None,
+        "F_shared_attitude_95": shared.limit_95 if known else None,
+    }
+    return tuple(_row(name, value, values) for name, value in values.items())
 
 
 _SHOWN = {
@@ -201,51 +125,25 @@ def _unit(name: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class Trace(OfRun[SensorTrace, Candidate]):
     """Findings in a run.
 
     Attributes:
-        sensors: by column name.
-        scene: references of the effects' columns.
-        chosen: the terms in the model.
-        gamma: (q,) their coefficients, in the terms' own units.
-        taken: (S, q) one where a term is taken out of a sensor's output, zero where it is left in.
-        points: number of observations.
         outliers: outliers, left out of search and fit.
-        explanations: all of them for each effect found, best first.
         alternatives: the effects with another member of a class in place of the named one, one for every member.
     """
 
-    sensors: Mapping[str, SensorTrace]
-    scene: Scene
-    chosen: tuple[Candidate, ...]
-    gamma: FloatArray
-    taken: FloatArray
-    points: int
     outliers: tuple[int, ...] = ()
-    explanations: Mapping[str, tuple[Explanation, ...]] = field(default_factory=dict)
     alternatives: tuple[Alternative, ...] = ()
-
-    @property
-    def about(self) -> dict[str, JsonValue]:
-        """Properties of the run as JSON values."""
-        return {"points": self.points, "kind": "pitch-roll"}
+    kind = "pitch-roll"
 
     @property
     def reference(self) -> dict[str, JsonValue]:
-        """References at which the effects' columns are zero, as JSON values."""
+        """See `OfRun`."""
         return {"temperature_degC": self.scene.temperature_degC, "elapsed_s": self.scene.elapsed_s}
-
-    def outcomes(self) -> tuple[Outcome, ...]:
-        """Outcome of each sensor, in the form of every kind of run."""
-        return tuple(found.outcome() for found in self.sensors.values())
 
     def predict(self, data: AttitudeData) -> dict[str, FloatArray]:
         """(n,) outputs of each sensor for other observations, with effects, volts."""
         extra = np.einsum("snq,sq->sn", raw_columns(self.scene.on(data), self.chosen), self.taken * self.gamma)
         h = attitude_columns(data.pitch_deg, data.roll_deg, roll=self.scene.roll)
         return {s: predict(h, data, t.fit, t.temperature) + extra[i] for i, (s, t) in enumerate(self.sensors.items())}
-
-    def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
-        """JSON values for `rig trace --json`; missing numbers are None, never NaN."""
-        return run_json({"file": file, **self.about}, self.outcomes(), reference=self.reference)

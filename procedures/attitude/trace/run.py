@@ -120,30 +120,37 @@ def trace(
     unmodelled = UnmodelledSmooth(problem, found)
     doubts = doubts_of(unmodelled) | led_by_history(judge, found)
     sensors = {
-        sensor: replace(
-            sensor_trace(
-                judge,
-                data,
-                aside,
-                not_kept,
-                before,
-                after,
-                taken_out,
-                classes,
-                i,
-                None if cv is None else cv[:, i],
-                unmodelled,
-                doubts,
-            ),
-            refused=tuple(one for one in wrong if sensor in one.sensors),
+        sensor: sensor_trace(
+            judge,
+            data,
+            aside,
+            not_kept,
+            before,
+            after,
+            taken_out,
+            classes,
+            i,
+            None if cv is None else cv[:, i],
+            wrong,
+            unmodelled,
+            doubts,
         )
         for i, sensor in enumerate(problem.sensors)
     }
     chosen = tuple(problem.candidates[j] for j in after.chosen)
     explanations = explanations_of(classes, problem.candidates)
     others = alternatives(problem, after, classes, data)
-    rows = tuple(aside.tolist())
-    return Trace(sensors, problem.scene, chosen, after.gamma, taken_out.taken, len(data), rows, explanations, others)
+    return Trace(
+        sensors,
+        problem.scene,
+        chosen,
+        after.gamma,
+        taken_out.taken,
+        len(data),
+        tuple(aside.tolist()),
+        others,
+        explanations=explanations,
+    )
 
 
 def final_check(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:

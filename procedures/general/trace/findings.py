@@ -288,7 +288,7 @@ def _finding(
         coefficients=tuple(terms.values()),
         unit=unit,
         size=f"{size}; {words}" if words else size,
-        p_adjusted=p,
+        p=p,
         aliases=aliases,
         separate_by=separate_by,
         against="",

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.fitter.trace.flexible import Block, turns
-from rig.fitter.trace.found import Unnamed
 from rig.fitter.trace.in_part import FEWEST, p_in_part
+from rig.fitter.trace.outcome import Finding, remains
 from rig.procedures.general.effects.scene import TableScene, at_levels
 from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
@@ -44,7 +44,7 @@ class Part:
     rows: NDArray[np.bool_]
 
 
-def in_parts(unmodelled: UnmodelledSmooth) -> Unnamed | None:
+def in_parts(unmodelled: UnmodelledSmooth) -> Finding | None:
     """The clearest shape of a part of the rows that the residual follows there; None if there is none."""
     if not unmodelled.able:
         return None
@@ -60,7 +60,7 @@ def in_parts(unmodelled: UnmodelledSmooth) -> Unnamed | None:
                 where = f"{block.place}, in the rows whose {part.variable} is {part.words}"
                 best = p * len(asked), gain, where
     left = unmodelled.left_under(at)
-    return Unnamed(best[2], min(best[1] / float(left @ left), 1.0)) if best[2] else None
+    return remains(best[2], min(best[1] / float(left @ left), 1.0)) if best[2] else None
 
 
 def _p(unmodelled: UnmodelledSmooth, part: Part, block: Block, under: int) -> tuple[float, float]:

@@ -15,9 +15,9 @@ from rig.fitter.trace.engine.both import Both
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.noise import Wandering
 from rig.fitter.trace.engine.score import NOTHING_LEFT
-from rig.fitter.trace.found import Unnamed
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import CLEAR, Line
+from rig.fitter.trace.outcome import Finding, remains
 from rig.fitter.trace.shape import Shape
 from rig.fitter.trace.unmodelled import ResidualShape
 from rig.procedures.general.trace.parts import in_parts
@@ -53,17 +53,17 @@ def pure_error(y: FloatArray, points: IntArray | None, effects: FloatArray) -> f
     return float(np.sqrt(left @ left / df))
 
 
-def unnamed(unmodelled: UnmodelledSmooth, variables: Mapping[str, FloatArray]) -> tuple[Unnamed, ...]:
+def unnamed(unmodelled: UnmodelledSmooth, variables: Mapping[str, FloatArray]) -> tuple[Finding, ...]:
     """Shapes that the residual follows: a slow wander, a period, jumps between two levels, or the clearest place."""
     judge, chosen = unmodelled.judge, unmodelled.chosen
-    rest = list[Unnamed](_slow(judge, chosen))
+    rest = list[Finding](_slow(judge, chosen))
     clearest = next(iter(unmodelled.left), None)
     line, jumps = _period(unmodelled), unmodelled.jumps
     if line is not None:
-        rest.append(Unnamed(line.where, line.share, shape=drawn_period(unmodelled, line)))
+        rest.append(remains(line.where, line.share, shape=drawn_period(unmodelled, line)))
     if jumps is not None:
         levels = f"along the run: jumps between two levels {jumps.apart:.3g} apart, {jumps.stay:.3g} rows at the rarer"
-        rest.append(Unnamed(levels, jumps.share, shape=_along_the_run(unmodelled)))
+        rest.append(remains(levels, jumps.share, shape=_along_the_run(unmodelled)))
     elif clearest is not None and clearest.p < UNEXPLAINED and not (clearest.place.timed and len(rest) > 0):
         rest.append(_at(unmodelled, clearest, variables))
     part = in_parts(unmodelled) if all(one.stratum == "noise" for one in rest) else None
@@ -79,11 +79,11 @@ def _period(unmodelled: UnmodelledSmooth) -> Line | None:
     return min((one for one in others if one.p < UNEXPLAINED), key=lambda one: one.p, default=None)
 
 
-def _at(unmodelled: UnmodelledSmooth, left: ResidualShape, variables: Mapping[str, FloatArray]) -> Unnamed:
+def _at(unmodelled: UnmodelledSmooth, left: ResidualShape, variables: Mapping[str, FloatArray]) -> Finding:
     """The remainder at a place, with an available curve if it is over one variable."""
     place, share, name = left.place, left.remainder.share, left.place.curve
     if name is None or not curve(variables[name]).shape[1]:
-        return Unnamed(f"{place.text}{left.detail}", share, shape=drawn(unmodelled, left))
+        return remains(f"{place.text}{left.detail}", share, shape=drawn(unmodelled, left))
     residual = unmodelled.left_under(0)
     where = f"{place.text}{_most(variables[name], residual)}"
     smooth = _told(offered(unmodelled.judge, unmodelled.chosen, name, variables[name], share, where=where))
@@ -117,11 +117,11 @@ def _told(rest: Smooth) -> Smooth:
     """The same with the available curve, in words."""
     period = f" (period {rest.period:.4g})" if rest.period is not None else ""
     text = (
-        f"{rest.where}; a smooth curve of order {rest.order} over {rest.variable}{period} would take the standard "
+        f"{rest.cause}; a smooth curve of order {rest.order} over {rest.variable}{period} would take the standard "
         f"error from {rest.sigma_E[0]:.4g} to {rest.sigma_E[1]:.4g}, at random rows left out from "
         f"{rest.left_out[0]:.4g} to {rest.left_out[1]:.4g}"
     )
-    return replace(rest, where=text)
+    return replace(rest, cause=text)
 
 
 def _most(v: FloatArray, left: FloatArray) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -18,8 +17,9 @@ from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.noise import Wandering
 from rig.fitter.trace.engine.shared import Shared
-from rig.fitter.trace.found import verdict
+from rig.fitter.trace.found import of_left_out, told, verdict
 from rig.fitter.trace.not_kept import in_place_of
+from rig.fitter.trace.outcome import CONDITIONAL, UNSIGNED
 from rig.fitter.trace.search import names_of
 from rig.fitter.trace.shares import of_rest, shares, unnamed_part
 from rig.procedures.general.effects import TableEffect
@@ -76,41 +76,47 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
     slow = {c.effect.name for c in judge.candidates if c.effect.source == "time" or ORDER in c.effect.columns}
     wandering = slow if wanders else set()
     tried = judge.problem.sensors * sum(len(c.term.labels) for c in judge.candidates)
-    effects = [
-        replace(
-            effect,
-            share=float(share),
-            doubtful=_unsettled(effect, data) or doubts.get(effect.effect) or _doubt(effect, wandering, tried),
-        )
-        for effect, share in zip(shown, divided, strict=True)
+
+    def doubt(effect: FoundTableEffect) -> str | None:
+        return _unsettled(effect, data) or doubts.get(effect.effect) or _doubt(effect, wandering, tried)
+
+    effects, rest = told(shown, divided, doubt), of_rest(divided, left)
+    cv, words, lost = ((None, None), None, 0) if crossed is None else crossed
+    words = data.shares if words == SHARING else words
+    sides = [
+        TableSide(fitted, error, own, strata_of(judge, terms, data.shared), data.shares)
+        for fitted, error, own, terms in zip((before, after), cv, pure, ((), chosen), strict=True)
     ]
-    effects.sort(key=lambda effect: -effect.share)
-    rest = of_rest(divided, left)
-    cv = (None, None) if crossed is None else crossed[0]
+    doubtful = tuple(effect.effect for effect in effects if effect.doubtful)
     return TableTrace(
-        response=data.response,
+        sensor=data.response,
         declared=data.formula,
         names=names,
-        verdict=verdict(
-            found=bool(effects),
-            fell=after.sigma_E < before.sigma_E,
-            rest=rest,
-            doubtful=any(effect.doubtful for effect in effects),
-        ),
-        before=TableSide(before, cv[0], pure[0], strata_of(judge, (), data.shared), data.shares),
-        after=TableSide(after, cv[1], pure[1], strata_of(judge, chosen, data.shared), data.shares),
+        verdict=verdict(found=bool(effects), fell=after.sigma_E < before.sigma_E, rest=rest, doubtful=bool(doubtful)),
+        before=sides[0],
+        after=sides[1],
+        rows=(sides[0].rows(), sides[1].rows()),
         effects=(*effects, *noise),
         unnamed=rest,
-        instead=drawn_instead(unmodelled, tuple(effect.effect for effect in effects if effect.doubtful)),
-        remarks=(
+        instead=drawn_instead(unmodelled, doubtful),
+        fitted=(*sides[1].parameters(names), *(one for effect in effects for one in effect.parameters)),
+        notes=(
             *few_plots(found, data),
             *_remarks(found, data, after),
-            *_not_predicted(0 if crossed is None else crossed[2]),
+            *_not_predicted(lost),
+            *((CONDITIONAL, UNSIGNED) if effects else ()),
+            *of_left_out(
+                cv[0],
+                cv[1],
+                words or "",
+                f"{words} in turn left out, the search repeated without them",
+                asked=bool(effects),
+            ),
         ),
         y=data.y,
         variables=_variables(data) | _others(data),
         levels={name: g.levels for name, g in data.scene.groups.items()},
-        left_out=None if crossed is None else data.shares if crossed[1] == SHARING else crossed[1],
+        left_out=words,
         search=found,
     )
 
@@ -189,6 +195,7 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
     if courses:
         experiments[ANOTHER_ORDER] = None
     return FoundTableEffect(
+        kind="effect",
         effect=name,
         cause=effect.cause,
         stratum=_stratum(judge, mine, effect.stratum),

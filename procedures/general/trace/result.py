@@ -11,19 +11,8 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.json_values import JsonValue
 from rig.fitter.quantiles import t_limit
-from rig.fitter.trace.found import CONFIRMED, Found, Unnamed
-from rig.fitter.trace.outcome import (
-    CONDITIONAL,
-    LEFT_OUT,
-    OF_REPLICATIONS,
-    UNSIGNED,
-    Instead,
-    Outcome,
-    Parameter,
-    Row,
-    WithError,
-    absent,
-)
+from rig.fitter.trace.found import OfSensor
+from rig.fitter.trace.outcome import OF_REPLICATIONS, Finding, Parameter, Row, WithError, absent
 from rig.procedures.general.trace.estimate import Constant, Estimate
 from rig.procedures.general.trace.run import Found as Search
 
@@ -32,7 +21,7 @@ MOST = 100.0
 
 
 @dataclass(frozen=True, eq=False)
-class FoundTableEffect(Found):
+class FoundTableEffect(Finding):
     """An effect in a table.
 
     Attributes:
@@ -51,16 +40,16 @@ class FoundTableEffect(Found):
         time_unit: unit of the time of the table, which is that of a time constant; "" if unknown.
     """
 
-    family: str
-    columns: tuple[str, ...]
-    contribution: FloatArray
-    other_causes: int = 0
-    intervals: Mapping[str, float] = field(default_factory=dict)
-    df: float | None = None
-    given: tuple[float, ...] = ()
-    dynamic: bool = False
-    constants: tuple[Constant, ...] = ()
-    time_unit: str = ""
+    family: str = field(kw_only=True)
+    columns: tuple[str, ...] = field(kw_only=True)
+    contribution: FloatArray = field(kw_only=True)
+    other_causes: int = field(default=0, kw_only=True)
+    intervals: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+    df: float | None = field(default=None, kw_only=True)
+    given: tuple[float, ...] = field(default=(), kw_only=True)
+    dynamic: bool = field(default=False, kw_only=True)
+    constants: tuple[Constant, ...] = field(default=(), kw_only=True)
+    time_unit: str = field(default="", kw_only=True)
 
     @property
     def rms(self) -> float:
@@ -109,6 +98,11 @@ class TableSide:
     shared: tuple[float, float] | None
     shares: str = "whole plots"
 
+    def parameters(self, names: tuple[str, ...]) -> tuple[Parameter, ...]:
+        """Coefficients of the declared model, by the names of its columns."""
+        rows = zip(names, self.fit.coefficients, self.fit.stderr, self.fit.dfs, strict=False)  # effects come after them
+        return tuple(Parameter(name, WithError(float(v), float(e), float(df))) for name, v, e, df in rows)
+
     def rows(self) -> tuple[Row, ...]:
         """The same in the form of every kind of run, with the keys of other kinds as null."""
         within, between = self.shared or (None, None)
@@ -139,81 +133,26 @@ def _row(name: str, value: float | None, label: str, meaning: str) -> Row:
 
 
 @dataclass(frozen=True, eq=False)
-class TableTrace:
+class TableTrace(OfSensor[TableSide, FoundTableEffect]):
     """Findings in a table.
 
     Attributes:
-        response: its name.
-        declared: the declared model.
-        names: of its columns.
-        verdict: "explained", "nothing to add", "partly explained" or "unexplained"; findings about the noise add
-            nothing to the model.
-        before: with the declared model.
-        after: with the effects.
-        effects: found, largest share first, findings about the noise last.
-        unnamed: the remainder, if it exceeds error.
-        remarks: about noise and the measurement of the error.
+        names: of the declared model's columns.
+        y: (n,) the response.
         variables: (n,) columns for plots of residuals, by name.
         levels: names of the levels of groups among them, whose values are indices from zero.
         left_out: groups of rows left out for `cv_rms`.
-        instead: one shape without a name in place of the doubtful effects.
         search: the search that ended with these effects.
     """
 
-    response: str
-    declared: str
     names: tuple[str, ...]
-    verdict: str
-    before: TableSide
-    after: TableSide
-    effects: tuple[FoundTableEffect, ...]
-    unnamed: tuple[Unnamed, ...]
-    remarks: tuple[str, ...]
     y: FloatArray
     variables: Mapping[str, FloatArray]
     levels: Mapping[str, tuple[str, ...]]
     left_out: str | None
     search: Search
-    instead: Instead | None = None
 
     @property
-    def added(self) -> tuple[FoundTableEffect, ...]:
-        """Effects that add to the model."""
-        return tuple(effect for effect in self.effects if effect.stratum != "noise")
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """Sentences shown with the numbers before and after."""
-        notes = list(self.remarks)
-        if self.added:
-            notes.append(CONDITIONAL)
-            notes.append(UNSIGNED)
-        before, after = self.before.cv_rms, self.after.cv_rms
-        if self.left_out and before is not None and after is not None:
-            if self.added and after > CONFIRMED * before:
-                notes.append(
-                    f"not confirmed by {self.left_out} left out: with the effects found the error on those is "
-                    f"{after / before:.0%} of what it is without them"
-                )
-            notes.append(f"{LEFT_OUT}{self.left_out} in turn left out, the search repeated without them")
-        return tuple(notes)
-
-    def outcome(self) -> Outcome:
-        """The same in the form of every kind of run."""
-        return Outcome(
-            sensor=self.response,
-            declared=self.declared,
-            verdict=self.verdict,
-            findings=(*(one.finding() for one in self.effects), *(rest.finding() for rest in self.unnamed)),
-            before=self.before.rows(),
-            after=self.after.rows(),
-            fitted=self._fitted(),
-            notes=self.notes,
-            instead=self.instead,
-        )
-
-    def _fitted(self) -> tuple[Parameter, ...]:
-        fit = self.after.fit
-        declared = zip(self.names, fit.coefficients, fit.stderr, fit.dfs, strict=False)  # effects come after them
-        own = (Parameter(name, WithError(float(v), float(e), float(df))) for name, v, e, df in declared)
-        return (*own, *(one for effect in self.added for one in effect.parameters))
+    def response(self) -> str:
+        """Its name."""
+        return self.sensor

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.json_values import JsonValue
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.engine.judge import TableJudge
-from rig.fitter.trace.found import Unnamed
+from rig.fitter.trace.outcome import Finding
 
 MOST_ORDERS, PER_ORDER, ROWS_PER_ORDER = 12, 3, 4
 """Maximum order of a curve, and minimum numbers of distinct values and rows per order."""
@@ -19,8 +19,8 @@ WAVES = 3
 FOLDS, SEED = 10, 7
 
 
-@dataclass(frozen=True)
-class Smooth(Unnamed):
+@dataclass(frozen=True, eq=False)
+class Smooth(Finding):
     """The remainder, with the curve that may be added for it.
 
     Attributes:
@@ -31,11 +31,11 @@ class Smooth(Unnamed):
         left_out: rms error of randomly left-out rows, without the curve and with it.
     """
 
-    variable: str
-    order: int
-    period: float | None
-    sigma_E: tuple[float, float]
-    left_out: tuple[float, float]
+    variable: str = field(kw_only=True)
+    order: int = field(kw_only=True)
+    period: float | None = field(kw_only=True)
+    sigma_E: tuple[float, float] = field(kw_only=True)
+    left_out: tuple[float, float] = field(kw_only=True)
 
     @property
     def own_keys(self) -> dict[str, JsonValue]:
@@ -99,13 +99,14 @@ def offered(
     largest = 1 + int(np.argmax(np.abs(np.linalg.lstsq(after, y, rcond=None)[0][-order:])))
     sigma = tuple(_sigma(problem.y, m) for m in (model, after))
     return Smooth(
+        kind="unnamed",
         share=share,
         variable=variable,
         order=order,
         period=2.0 * float(np.ptp(v)) / largest if largest >= WAVES else None,
         sigma_E=(sigma[0], sigma[1]),
         left_out=(_left_out(problem.y, model), _left_out(problem.y, after)),
-        where=where,
+        cause=where,
         stratum=stratum,
     )
 

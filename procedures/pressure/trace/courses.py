@@ -18,7 +18,7 @@ from rig.fitter.trace.among_alike import Shape, Shapes
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.beside import View
 from rig.fitter.trace.flexible import waves
-from rig.fitter.trace.found import Unnamed
+from rig.fitter.trace.outcome import Finding, remains
 from rig.procedures.pressure.effects.scene import PressureScene
 from rig.procedures.pressure.trace.between import RHO, alike
 
@@ -55,13 +55,13 @@ class Course:
         """Whether errors that are like their neighbours do as well."""
         return self.shape.p >= LEVEL
 
-    def unnamed(self) -> Unnamed:
+    def unnamed(self) -> Finding:
         """As it is reported; of the noise where neighbours that are alike explain it."""
         where = f"between whole plots, {self.where}"
         if self.slow:
             text = "between whole plots: errors of neighbours in time are alike, or follow something slow"
-            return Unnamed(f"{text}; it may be a cause seen {self.where}", self.shape.share, stratum="noise")
-        return Unnamed(f"{where}{', in all transducers alike' if self.common else ''}", self.shape.share)
+            return remains(f"{text}; it may be a cause seen {self.where}", self.shape.share, stratum="noise")
+        return remains(f"{where}{', in all transducers alike' if self.common else ''}", self.shape.share)
 
 
 def courses(view: View, in_time: IntArray, scene: PressureScene) -> dict[int, Course]:

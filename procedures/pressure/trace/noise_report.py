@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -150,16 +151,14 @@ class _About:
         one, other = (e.fits[self.i] for e in (self.after, estimated(with_them, found)))
         return float(np.max(np.abs(one.coefficients - other.coefficients) / one.stderr))
 
-    def _of_noise(self, *, p: float, peak_mV: float, **about: object) -> FoundPressureEffect:
-        count = len(about["coefficients"])  # type: ignore[arg-type]
-        unknown = (float("nan"),) * count
+    def _of_noise(self, *, p: float, peak_mV: float, **told: Any) -> FoundPressureEffect:
+        unknown = (float("nan"),) * len(told["coefficients"])
         return FoundPressureEffect.of_noise(
-            **about,  # type: ignore[arg-type]
-            p_adjusted=min(p * len(self.whole.sensors) / COUNTED, 1.0),
-            formulas=(),
+            p=min(p * len(self.whole.sensors) / COUNTED, 1.0),
             df=unknown,
             half_width_95=unknown,
             contribution_mV=np.zeros(len(self.data)),
             peak_mV=peak_mV,
             peak_psi=peak_mV / abs(self.sensitivity),
+            **told,
         )

@@ -6,7 +6,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.beside import View
-from rig.fitter.trace.found import Unnamed
+from rig.fitter.trace.outcome import Finding, remains
 from rig.procedures.pressure.data import WholePlotData
 
 SAME_TEMPERATURE_DEGC = 2.0
@@ -35,7 +35,7 @@ def repeated_whole_plots(data: WholePlotData) -> IntArray:
     return _numbered(pairs[0] * (1 + pairs[1].max()) + pairs[1])
 
 
-def strongest_pressure(view: View, data: WholePlotData, i: int) -> Unnamed:
+def strongest_pressure(view: View, data: WholePlotData, i: int) -> Finding:
     """The pressure with the largest residual of transducer `i` in a `view` within whole plots."""
     left, levels = view.outputs[i], data.pressure_levels
     sums, count = np.bincount(levels[1], left), np.bincount(levels[1])
@@ -43,10 +43,10 @@ def strongest_pressure(view: View, data: WholePlotData, i: int) -> Unnamed:
     plain = left * view.sigma[i] * view.white.errors[i].sd
     mean = float(np.mean(plain[levels[1] == most]))
     share = float(np.sum(sums**2 / count) / np.sum(left**2))
-    return Unnamed(f"within whole plots, most at {levels[0][most]:g} psia: {mean:+.2g} mV on average", share)
+    return remains(f"within whole plots, most at {levels[0][most]:g} psia: {mean:+.2g} mV on average", share)
 
 
-def strongest_whole_plot(view: View, data: WholePlotData, i: int) -> Unnamed:
+def strongest_whole_plot(view: View, data: WholePlotData, i: int) -> Finding:
     """The temperatures with the largest residual of transducer `i` in a `view` between whole plots."""
     left, repeats = view.outputs[i], repeated_whole_plots(data)
     sums, count = np.bincount(repeats, left), np.bincount(repeats)
@@ -54,7 +54,7 @@ def strongest_whole_plot(view: View, data: WholePlotData, i: int) -> Unnamed:
     rows = np.isin(data.whole_plot_index, np.flatnonzero(repeats == most))
     sensor, sse = (float(np.mean(t[rows])) for t in (data.sensor_temperature_degC, data.sse_temperature_degC))
     share = float(np.sum(sums**2 / count) / np.sum(left**2))
-    return Unnamed(f"between whole plots, most at {sensor:.0f} degC with electronics at {sse:.0f} degC", share)
+    return remains(f"between whole plots, most at {sensor:.0f} degC with electronics at {sse:.0f} degC", share)
 
 
 def reading_error_pct(data: WholePlotData, residual: FloatArray, slope: FloatArray) -> dict[str, float | None]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -11,6 +11,7 @@ from scipy.special import chdtrc
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.effects.entry import Entry
+from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
 from rig.fitter.formula import Formula
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import Rival, separation
@@ -26,11 +27,14 @@ from rig.fitter.trace.doubts import (
 )
 from rig.fitter.trace.drawn import drawn, drawn_instead, drawn_period
 from rig.fitter.trace.engine.beside import Level
-from rig.fitter.trace.found import Unnamed, verdict
+from rig.fitter.trace.found import CONFIRMED, of_left_out, told, verdict
+from rig.fitter.trace.keep import LeftIn
 from rig.fitter.trace.lines import CLEAR
 from rig.fitter.trace.not_kept import for_others, left_to_whole_plots
+from rig.fitter.trace.outcome import CONDITIONAL, Finding, remains
 from rig.fitter.trace.search import led_by_history
 from rig.fitter.trace.shares import of_rest, shares, unnamed_part
+from rig.fitter.trace.signs import Refused
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
 from rig.procedures.pressure.effects.separation import separate_pressure
@@ -58,6 +62,7 @@ from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 DIFFERENT = 0.01
 """Coefficients of all transducers that agree with more than this probability are called equal."""
 
+LEAVING_OUT = "each whole plot in turn left out of selection and fit, its error predicted as zero"
 QUADRATIC = ("offset-temperature", "offset-temperature-second-order", "sensitivity-temperature")
 """Terms of the usual quadratic model: where one is missing, it is likelier than any corner that looks like it."""
 
@@ -65,7 +70,7 @@ _BETWEEN = "between whole plots"
 
 
 @dataclass(frozen=True, eq=False)
-class Finding:
+class Run:
     """All results of a trace of a run.
 
     Attributes:
@@ -80,6 +85,7 @@ class Finding:
         stated: the same with those that lower the error of a transducer.
         every: the whole run, prepared.
         cv: (2, S) error of left-out whole plots, before and after.
+        refused: causes that would fit, except for their required sign.
     """
 
     data: WholePlotData
@@ -93,6 +99,7 @@ class Finding:
     stated: Estimate
     every: Problem
     cv: FloatArray | None
+    refused: tuple[Refused, ...] = ()
 
     @property
     def judge(self) -> WholePlotJudge:
@@ -130,82 +137,106 @@ class Finding:
         return courses(unmodelled.view("whole-plot"), in_time, unmodelled.scene) if unmodelled.able else {}
 
 
-def transducer(finding: Finding, i: int) -> TransducerTrace:
+def transducer(run: Run, i: int) -> TransducerTrace:
     """Findings in transducer `i`."""
-    sensor = finding.judge.problem.sensors[i]
-    left = _unnamed(finding, i)
-    shown = [e for name in finding.classes if (e := _found(finding, name, i)) is not None]
-    divided = _shares(finding, [effect.effect for effect in shown], unnamed_part(left), i)
-    effects = [
-        replace(effect, share=float(share), doubtful=_doubt(finding, effect, i), left_in=_stays_in(finding, effect, i))
-        for effect, share in zip(shown, divided, strict=True)
-    ]
-    effects.sort(key=lambda effect: -effect.share)
-    effects += noise_findings(
-        finding.whole, finding.every, finding.after, finding.settled, finding.scene.sensitivity[sensor], i
+    sensor = run.judge.problem.sensors[i]
+    left = _unnamed(run, i)
+    shown = [e for name in run.classes if (e := _found(run, name, i)) is not None]
+    divided = _shares(run, [effect.effect for effect in shown], unnamed_part(left), i)
+    kept_in, in_part = (_names(run, one, i) for one in (run.stated.left_in, run.stated.within))
+    effects = (
+        *told(shown, divided, lambda effect: _doubt(run, effect, i), kept_in),
+        *noise_findings(run.whole, run.every, run.after, run.settled, run.scene.sensitivity[sensor], i),
     )
     rest = of_rest(divided, left)
-    idle = [effect.effect for effect in effects if not _falls(finding, effect, i)]
+    idle = [effect.effect for effect in effects if not _falls(run, effect, i)]
+    before, after = _side(run, run.before, i, 0), _side(run, run.stated, i, 1)
+    refused = tuple(one for one in run.refused if sensor in one.sensors)
+    added = tuple(effect for effect in effects if effect.kind == "effect")
     return TransducerTrace(
         sensor=sensor,
-        declared=finding.model,
+        declared=run.model,
         verdict=verdict(
-            found=any(e.stratum != "noise" for e in effects),
-            fell=not idle,
-            rest=rest,
-            doubtful=any(effect.doubtful for effect in effects),
+            found=bool(added), fell=not idle, rest=rest, doubtful=any(effect.doubtful for effect in effects)
         ),
-        before=_side(finding, finding.before, i, 0),
-        after=_side(finding, finding.stated, i, 1),
-        effects=tuple(effects),
+        before=before,
+        after=after,
+        rows=(before.rows(), after.rows()),
+        effects=effects,
         unnamed=rest,
-        instead=drawn_instead(finding.unmodelled, tuple(effect.effect for effect in effects if effect.doubtful), i),
-        alike=tuple(
-            text for name in finding.classes for text in (_alike(finding, name), _mixed(finding, name)) if text
-        ),
-        noise=finding.settled.look.noise[i],
-        sensitivity=finding.scene.sensitivity[sensor],
-        keeping=(
-            *(one.sentence for one in finding.settled.not_kept if one.sensor in (None, sensor)),
+        instead=drawn_instead(run.unmodelled, tuple(effect.effect for effect in effects if effect.doubtful), i),
+        refused=refused,
+        fitted=(*after.parameters(), *(one for effect in added for one in effect.parameters)),
+        notes=(
+            *after.fit.notes,
+            *(text for name in run.classes for text in (_alike(run, name), _mixed(run, name)) if text),
+            *(one.sentence for one in run.settled.not_kept if one.sensor in (None, sensor)),
             *map(for_others, idle),
-            *(left_to_whole_plots(e.effect) for e in effects if _only_within(finding, e, i)),
+            *(left_to_whole_plots(e.effect) for e in effects if e.effect in in_part),
+            *(one.sentence for one in refused),
+            *_notes(run, before, after, effects, i),
         ),
+        noise_within=run.settled.look.noise[i],
+        sensitivity=run.scene.sensitivity[sensor],
     )
 
 
-def _only_within(finding: Finding, effect: FoundPressureEffect, i: int) -> bool:
-    """Whether the numbers after have only its part within the whole plots of transducer `i`."""
-    inside = finding.stated.within[i] if finding.stated.within else frozenset[int]()
-    return any(finding.judge.problem.candidates[j].effect.name == effect.effect for j in inside)
+def _notes(run: Run, before: Side, after: Side, effects: Sequence[FoundPressureEffect], i: int) -> Iterator[str]:
+    """Sentences about the noise, and on what the effects rest."""
+    named = {effect.effect for effect in effects}
+    if NOISE_GROWS in named:
+        where, wide, narrow = ("with pressure", "at low pressure", "at high")
+        if run.settled.look.noise[i].middle is not None:
+            where, wide, narrow = ("towards both ends of the pressures", "in the middle", "at the ends")
+        yield (
+            f"noise grows {where}: intervals that take one sd for all pressures are too wide {wide} and too narrow "
+            f"{narrow}; readings were weighted by it here"
+        )
+    if AUTOCORRELATION in named:
+        yield (
+            "successive readings' errors are alike: intervals that take them for independent are too narrow for "
+            "what changes slowly within whole plots; effects were judged beside that here"
+        )
+    if OUTLIERS in named:
+        yield "readings that stand out are left out of everything here, before and after; they are listed"
+    between = any(effect.stratum == "whole-plot" for effect in effects)
+    if between:
+        count = len(after.fit.whole_plots)
+        yield f"effects between whole plots were judged on {count} numbers, one a whole plot"
+    added = any(effect.kind == "effect" for effect in effects)
+    if added:
+        yield CONDITIONAL
+    most = CONFIRMED if between else 1.0  # errors of whole plots hide what is within them
+    yield from of_left_out(before.cv_rms, after.cv_rms, "whole plots", LEAVING_OUT, most, asked=added)
 
 
-def _stays_in(finding: Finding, effect: FoundPressureEffect, i: int) -> bool:
-    """Whether the effect is left in the output of transducer `i`, because its error would be larger without."""
-    inside = finding.stated.left_in[i] if finding.stated.left_in else frozenset[int]()
-    return any(finding.judge.problem.candidates[j].effect.name == effect.effect for j in inside)
+def _names(run: Run, inside: Sequence[LeftIn], i: int) -> frozenset[str]:
+    """Names of candidates of transducer `i` that are inside."""
+    every = run.judge.candidates
+    return frozenset(every[j].effect.name for j in (inside[i] if inside else ()))
 
 
-def _doubt(finding: Finding, effect: FoundPressureEffect, i: int) -> str | None:
+def _doubt(run: Run, effect: FoundPressureEffect, i: int) -> str | None:
     """Why a name found in transducer `i` should not be believed yet; None where nothing is against it.
 
     A name that is doubtful in one transducer is so in all: it is one cause, and they are of one make and on one line.
     """
-    every = (_doubt_in(finding, effect.effect, k) for k in (i, *range(len(finding.judge.problem.sensors))))
-    said = next((text for text in every if text is not None), _alike_laws(finding, effect.effect))
-    said = said or of_another(finding.unmodelled, effect.effect, i)
-    said = said or of_alias(finding.unmodelled, effect.aliases, i, partial(_doubt_in, finding))
-    if said is None and _stays_in(finding, effect, i):
+    every = (_doubt_in(run, effect.effect, k) for k in (i, *range(len(run.judge.problem.sensors))))
+    said = next((text for text in every if text is not None), _alike_laws(run, effect.effect))
+    said = said or of_another(run.unmodelled, effect.effect, i)
+    said = said or of_alias(run.unmodelled, effect.aliases, i, partial(_doubt_in, run))
+    if said is None and effect.effect in _names(run, run.stated.left_in, i):
         return error_rises()
-    tried = len(finding.judge.candidates)
+    tried = len(run.judge.candidates)
     if effect.p_adjusted_is_bound and beyond_chance(effect.coefficients, effect.stderr, min(effect.df), tried):
         return said
     return said or by_chance(effect.p_adjusted)
 
 
-def _alike_laws(finding: Finding, name: str) -> str | None:
+def _alike_laws(run: Run, name: str) -> str | None:
     """Doubt about a name beside which many others explain as much, or a corner over a temperature beside a power."""
-    candidates = finding.judge.problem.candidates
-    rivals = [r for r in finding.classes[name] if r.alias and r.effect != name]
+    candidates = run.judge.problem.candidates
+    rivals = [r for r in run.classes[name] if r.alias and r.effect != name]
     if len(rivals) >= MANY:
         return several_causes(len(rivals) + 1)
     own = next(c.effect for c in candidates if c.effect.name == name)
@@ -216,15 +247,15 @@ def _alike_laws(finding: Finding, name: str) -> str | None:
     return another_law(corners[0]) if corners and not own.searched and name not in QUADRATIC else None
 
 
-def _doubt_in(finding: Finding, name: str, i: int) -> str | None:
+def _doubt_in(run: Run, name: str, i: int) -> str | None:
     """Why a name should not be believed in transducer `i`."""
-    problem, course = finding.judge.problem, finding.courses.get(i)
-    said = finding.led_by_history.get(name) or finding.unmodelled.doubts_by_sensor.get((name, i))
+    problem, course = run.judge.problem, run.courses.get(i)
+    said = run.led_by_history.get(name) or run.unmodelled.doubts_by_sensor.get((name, i))
     if said is None:
-        said = finding.constant.doubts.get(name)
+        said = run.constant.doubts.get(name)
     between = any(
         problem.judged_at[j] == "whole-plot" and problem.candidates[j].sensor in (None, problem.sensors[i])
-        for j in finding.after.chosen
+        for j in run.after.chosen
         if problem.candidates[j].effect.name == name
     )
     if said is None and between and course is not None and not course.slow:
@@ -232,24 +263,24 @@ def _doubt_in(finding: Finding, name: str, i: int) -> str | None:
     return said
 
 
-def _side(finding: Finding, fitted: Estimate, i: int, when: int) -> Side:
-    fit, formula = fitted.fits[i], finding.formula
+def _side(run: Run, fitted: Estimate, i: int, when: int) -> Side:
+    fit, formula = fitted.fits[i], run.formula
     if formula.has_categories or "P" not in formula.names:
-        slope = np.full(len(finding.data), finding.scene.sensitivity[finding.judge.problem.sensors[i]])
+        slope = np.full(len(run.data), run.scene.sensitivity[run.judge.problem.sensors[i]])
     else:
-        slope = formula.derivative(finding.data.table, "P") @ fit.coefficients[: len(formula.terms)]
+        slope = formula.derivative(run.data.table, "P") @ fit.coefficients[: len(formula.terms)]
     return Side(
         fit=fit,
         declared=fitted.declared[i],
-        reading_error_pct=reading_error_pct(finding.data, fitted.residual[i], slope),
-        cv_rms=None if finding.cv is None else float(finding.cv[when, i]),
-        residual_mV=residual_of(finding.every, fitted)[i],
+        reading_error_pct=reading_error_pct(run.data, fitted.residual[i], slope),
+        cv_rms=None if run.cv is None else float(run.cv[when, i]),
+        residual_mV=residual_of(run.every, fitted)[i],
     )
 
 
-def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
+def _found(run: Run, name: str, i: int) -> FoundPressureEffect | None:
     """The effect in transducer `i`; None if it does not concern it."""
-    problem, after, explanations = finding.judge.problem, finding.after, finding.classes[name]
+    problem, after, explanations = run.judge.problem, run.after, run.classes[name]
     sensor = problem.sensors[i]
     mine = [
         j
@@ -262,12 +293,13 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
     coefficients = {problem.candidates[j].term.name: after.coefficients[j] for j in mine}
     values = np.array([c.value for c in coefficients.values()])
     contribution = problem.raw[i][:, mine] @ values
-    p = min(finding.judge.p_adjusted(after.chosen, j) for j in mine)
+    p = min(run.judge.p_adjusted(after.chosen, j) for j in mine)
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
     basis = orthonormal(problem.declared)
     peak = float(np.max(np.abs(contribution - basis @ (basis.T @ contribution))))
-    psi = peak / abs(finding.scene.sensitivity[sensor])
+    psi = peak / abs(run.scene.sensitivity[sensor])
     return FoundPressureEffect(
+        kind="noise" if effect.of_noise else "effect",
         effect=name,
         cause=effect.cause,
         stratum="noise" if effect.of_noise else level,
@@ -277,11 +309,11 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         unit=_unit(effect, [problem.candidates[j].term for j in mine]),
         size=effect.size(
             {term: c.value for term, c in coefficients.items()},
-            finding.scene.sensitivity[sensor],
+            run.scene.sensitivity[sensor],
             {term: c.stderr for term, c in coefficients.items()},
         ),
         p_adjusted=p,
-        p_adjusted_is_bound=finding.judge.is_bound(p),
+        p_adjusted_is_bound=run.judge.is_bound(p),
         share=0.0,  # together for all effects: `_shares`
         aliases=tuple(other.name for other in alike),
         separation=separation(explanations, name),
@@ -290,10 +322,10 @@ def _found(finding: Finding, name: str, i: int) -> FoundPressureEffect | None:
         formulas=tuple(filter(None, (problem.candidates[j].term.formula for j in mine))),
         df=tuple(c.df for c in coefficients.values()),
         half_width_95=tuple(c.half_width_95 for c in coefficients.values()),
-        contribution_mV=finding.every.raw[i][:, mine] @ values,
+        contribution_mV=run.every.raw[i][:, mine] @ values,
         peak_mV=peak,
         peak_psi=psi,
-        constants=tuple(time_constant(problem, replace(finding.scene, data=finding.data), after.chosen, mine)),
+        constants=tuple(time_constant(problem, replace(run.scene, data=run.data), after.chosen, mine)),
     )
 
 
@@ -303,24 +335,25 @@ def _unit(effect: PressureEffect, terms: Iterable[PressureTerm]) -> str:
     return ", ".join(units if len(set(units)) > 1 else units[:1])
 
 
-def _falls(finding: Finding, effect: FoundPressureEffect, i: int) -> bool:
+def _falls(run: Run, effect: FoundPressureEffect, i: int) -> bool:
     """Whether the error of the effect's stratum is smaller with all effects; also true for findings about noise."""
-    if effect.stratum == "noise":
+    if effect.kind == "noise":
         return True
     level: Level = "whole-plot" if effect.stratum == "whole-plot" else "subplot"
-    return not _stays_in(finding, effect, i) and error_of(finding.after, level, i) < error_of(finding.before, level, i)
+    stays = effect.effect in _names(run, run.stated.left_in, i)
+    return not stays and error_of(run.after, level, i) < error_of(run.before, level, i)
 
 
-def _shares(finding: Finding, names: list[str], unnamed: float, i: int) -> FloatArray:
+def _shares(run: Run, names: list[str], unnamed: float, i: int) -> FloatArray:
     """Share of each effect in the variation of both strata beyond their errors, in mV^2 with equal weight of readings.
 
     Args:
-        finding: of the run.
+        run: of the run.
         names: of the effects.
         unnamed: part of the remainder that is not scatter.
         i: the transducer.
     """
-    problem, after = finding.judge.problem, finding.after
+    problem, after = run.judge.problem, run.after
     sensor, effects = problem.sensors[i], problem.candidates
     mine = [
         [j for j in after.chosen if effects[j].effect.name == n and effects[j].sensor in (None, sensor)] for n in names
@@ -334,21 +367,21 @@ def _shares(finding: Finding, names: list[str], unnamed: float, i: int) -> Float
     scatter = 0.0
     levels: dict[Level, FloatArray] = {"subplot": left - between, "whole-plot": between}
     for level, rows in levels.items():
-        used, df = sum(problem.judged_at[own[0]] == level for own in mine if own), finding.free(level, i)
+        used, df = sum(problem.judged_at[own[0]] == level for own in mine if own), run.free(level, i)
         scatter += float(rows @ rows) * (1.0 - unnamed) * df / max(df - used, 1.0)
     *beyond, residual = every.T
     return shares(beyond, residual, scatter)
 
 
-def _alike(finding: Finding, name: str) -> str:
+def _alike(run: Run, name: str) -> str:
     """Note on an effect of each transducer that is equal in all of them."""
-    problem, after = finding.judge.problem, finding.after
+    problem, after = run.judge.problem, run.after
     mine = [j for j in after.chosen if problem.candidates[j].effect.name == name]
     owners = [problem.candidates[j].sensor for j in mine]
     terms = {problem.candidates[j].term.name for j in mine}
     if len(problem.sensors) < 2 or len(terms) > 1 or set(owners) != set(problem.sensors):
         return ""
-    per_psi = np.array([finding.scene.sensitivity[str(owner)] for owner in owners])
+    per_psi = np.array([run.scene.sensitivity[str(owner)] for owner in owners])
     value = np.array([after.coefficients[j].value for j in mine]) / per_psi
     weight = (per_psi / np.array([after.coefficients[j].stderr for j in mine])) ** 2
     mean = float(value @ weight / weight.sum())
@@ -360,10 +393,10 @@ def _alike(finding: Finding, name: str) -> str:
     )
 
 
-def _mixed(finding: Finding, name: str) -> str:
+def _mixed(run: Run, name: str) -> str:
     """Transducers that need a separate effect, for a line to explain the effect in all of them."""
-    every = finding.judge.problem.candidates
-    for rival in finding.classes[name]:
+    every = run.judge.problem.candidates
+    for rival in run.classes[name]:
         own = [every[j] for j in rival.terms if every[j].effect.name != rival.effect]
         if rival.alias and rival.effect != name and own:
             where = ", ".join(dict.fromkeys(str(candidate.sensor) for candidate in own))
@@ -376,25 +409,25 @@ def _experiments(effect: Entry, aliases: Iterable[Entry]) -> str:
     return "; ".join(dict.fromkeys(separate_pressure(effect, alias) for alias in aliases)) or effect.separate_by
 
 
-def _unnamed(finding: Finding, i: int) -> tuple[Unnamed, ...]:
+def _unnamed(run: Run, i: int) -> tuple[Finding, ...]:
     """The remainder in both strata beyond chance: the shape it follows, and what repeats have in common."""
-    unmodelled, data = finding.unmodelled, finding.data
-    rest: list[Unnamed] = []
-    by_level: Mapping[Level, tuple[IntArray, Callable[..., Unnamed]]] = {
+    unmodelled, data = run.unmodelled, run.data
+    rest: list[Finding] = []
+    by_level: Mapping[Level, tuple[IntArray, Callable[..., Finding]]] = {
         "subplot": (repeated_readings(data), strongest_pressure),
         "whole-plot": (repeated_whole_plots(data)[data.whole_plot_index], strongest_whole_plot),
     }
     for level, (repeats, strongest) in by_level.items():
         left = unmodelled.left_in(i, level)
         if left is not None and left.p < UNEXPLAINED:
-            rest.append(Unnamed(left.where, left.remainder.share, shape=drawn(unmodelled, left, i)))
+            rest.append(remains(left.where, left.remainder.share, shape=drawn(unmodelled, left, i)))
         if unmodelled.of_repeats(repeats, i, level) < UNEXPLAINED:
             rest.append(strongest(unmodelled.view(level), data, i))
-        if level == "whole-plot" and i in finding.courses and not any(_BETWEEN in one.where for one in rest):
-            rest.append(finding.courses[i].unnamed())
+        if level == "whole-plot" and i in run.courses and not any(_BETWEEN in one.cause for one in rest):
+            rest.append(run.courses[i].unnamed())
     line = unmodelled.lines[i]
     if line is not None and line.p < CLEAR:
-        rest.append(Unnamed(line.where, line.share, shape=drawn_period(unmodelled, line, i)))
+        rest.append(remains(line.where, line.share, shape=drawn_period(unmodelled, line, i)))
     if unmodelled.able and all(one.stratum == "noise" for one in rest):
         some = in_some_plots(unmodelled, i)
         rest += [] if some is None else [some]

@@ -22,7 +22,7 @@ from rig.procedures.pressure.trace.agreement import named
 from rig.procedures.pressure.trace.estimate import contributed, estimate, never_above
 from rig.procedures.pressure.trace.judge import WholePlotJudge
 from rig.procedures.pressure.trace.problem import pose
-from rig.procedures.pressure.trace.report import Finding, transducer
+from rig.procedures.pressure.trace.report import Run, transducer
 from rig.procedures.pressure.trace.result import WholePlotTrace
 from rig.procedures.pressure.trace.settle import settle
 
@@ -62,7 +62,7 @@ def trace_whole_plots(
     judge, found = settled.judge, settled.chosen
     problem, before, after = judge.problem, estimate(judge, ()), estimate(judge, found)
     taken_out = never_above(judge, before, after)
-    finding = Finding(
+    told = Run(
         data=data.take(settled.kept),
         whole=data,
         model=model if model != HIERARCHICAL else f"full (where {HIERARCHICAL} starts)",
@@ -75,17 +75,14 @@ def trace_whole_plots(
         every=whole,
         cv=left_out(judge, found) if validate else None,
     )
-    wrong = refusals(finding.judge, found, finding.classes, scene.sensitivity)
-    sensors = {
-        sensor: replace(transducer(finding, i), refused=tuple(one for one in wrong if sensor in one.sensors))
-        for i, sensor in enumerate(problem.sensors)
-    }
+    told = replace(told, refused=refusals(judge, found, told.classes, scene.sensitivity))
+    sensors = {sensor: transducer(told, i) for i, sensor in enumerate(problem.sensors)}
     lasting = [j for j in found if not problem.candidates[j].effect.of_noise]
     chosen, gamma = tuple(problem.candidates[j] for j in lasting), [after.coefficients[j].value for j in lasting]
     taken = taken_out.taken[:, [found.index(j) for j in lasting]]
-    classes = {c.effect.name: finding.classes[c.effect.name] for c in chosen}
+    classes = {c.effect.name: told.classes[c.effect.name] for c in chosen}
     explanations = explanations_of(classes, problem.candidates)
-    return WholePlotTrace(sensors, formula, scene, chosen, np.array(gamma), len(data), taken, explanations)
+    return WholePlotTrace(sensors, scene, chosen, np.array(gamma), taken, len(data), formula, explanations=explanations)
 
 
 def scene_of(data: WholePlotData) -> PressureScene:

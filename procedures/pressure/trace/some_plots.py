@@ -15,8 +15,8 @@ from scipy import special
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
-from rig.fitter.trace.found import Unnamed
 from rig.fitter.trace.limits import limit
+from rig.fitter.trace.outcome import Finding, remains
 from rig.procedures.pressure.effects.scene import PressureScene
 from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 
@@ -30,7 +30,7 @@ OF_ITS_OWN = 0.01
 """Probability below which a whole plot is counted among those that follow it."""
 
 
-def in_some_plots(unmodelled: UnmodelledSmooth, i: int) -> Unnamed | None:
+def in_some_plots(unmodelled: UnmodelledSmooth, i: int) -> Finding | None:
     """The clearest shape that whole plots of transducer `i` follow, each by its own amount; None if there is none."""
     problem, view = unmodelled.problem, unmodelled.view("subplot")
     whiten, left, n = view.white.errors[i].white, view.outputs[i], problem.whole_plot.size
@@ -55,7 +55,7 @@ def in_some_plots(unmodelled: UnmodelledSmooth, i: int) -> Unnamed | None:
             gained = sum(gain for (_, gain), counts in zip(each, clear, strict=True) if counts)
             share = gained / max(float(left @ left), np.finfo(float).tiny)
             best = p * len(every) * len(problem.sensors), f"within whole plots, {words}, {where}", min(share, 1.0)
-    return Unnamed(best[1], best[2]) if best[1] else None
+    return remains(best[1], best[2]) if best[1] else None
 
 
 def _alone(left: FloatArray, white: FloatArray) -> tuple[float, float]:
