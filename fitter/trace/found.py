@@ -23,7 +23,7 @@ E = TypeVar("E", bound=Finding)
 
 
 @dataclass(frozen=True, eq=False)
-class OfSensor(Generic[S, E]):
+class TracedSensor(Generic[S, E]):
     """Findings in one sensor.
 
     Attributes:
@@ -81,11 +81,11 @@ class OfSensor(Generic[S, E]):
 
 
 C = TypeVar("C")
-T = TypeVar("T", bound=OfSensor[Any, Any])
+T = TypeVar("T", bound=TracedSensor[Any, Any])
 
 
 @dataclass(frozen=True, eq=False)
-class OfRun(ABC, Generic[T, C]):
+class TracedRun(ABC, Generic[T, C]):
     """Findings in a run of several sensors.
 
     Attributes:

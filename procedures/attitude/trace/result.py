@@ -12,7 +12,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.json_values import JsonValue
 from rig.fitter.replication import Replication
 from rig.fitter.sums_of_squares import FTest
-from rig.fitter.trace.found import OfRun, OfSensor
+from rig.fitter.trace.found import TracedRun, TracedSensor
 from rig.fitter.trace.outcome import Finding, Row
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.fit import table_2
@@ -48,7 +48,7 @@ class FoundEffect(Finding):
 
 
 @dataclass(frozen=True, eq=False)
-class SensorTrace(OfSensor[Replication, FoundEffect]):
+class SensorTrace(TracedSensor[Replication, FoundEffect]):
     """Findings in one sensor: Table 2 before and after.
 
     Attributes:
@@ -125,7 +125,7 @@ def _unit(name: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Trace(OfRun[SensorTrace, Candidate]):
+class Trace(TracedRun[SensorTrace, Candidate]):
     """Findings in a run.
 
     Attributes:
@@ -139,7 +139,7 @@ class Trace(OfRun[SensorTrace, Candidate]):
 
     @property
     def reference(self) -> dict[str, JsonValue]:
-        """See `OfRun`."""
+        """See `TracedRun`."""
         return {"temperature_degC": self.scene.temperature_degC, "elapsed_s": self.scene.elapsed_s}
 
     def predict(self, data: AttitudeData) -> dict[str, FloatArray]:

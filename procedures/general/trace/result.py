@@ -11,7 +11,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.json_values import JsonValue
 from rig.fitter.quantiles import t_limit
-from rig.fitter.trace.found import OfSensor
+from rig.fitter.trace.found import TracedSensor
 from rig.fitter.trace.outcome import OF_REPLICATIONS, Finding, Parameter, Row, WithError, absent
 from rig.procedures.general.trace.estimate import Constant, Estimate
 from rig.procedures.general.trace.run import Found as Search
@@ -133,7 +133,7 @@ def _row(name: str, value: float | None, label: str, meaning: str) -> Row:
 
 
 @dataclass(frozen=True, eq=False)
-class TableTrace(OfSensor[TableSide, FoundTableEffect]):
+class TableTrace(TracedSensor[TableSide, FoundTableEffect]):
     """Findings in a table.
 
     Attributes:

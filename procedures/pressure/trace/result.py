@@ -11,7 +11,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.formula import Formula
 from rig.fitter.json_values import JsonValue
 from rig.fitter.split_plot import SplitPlotFit
-from rig.fitter.trace.found import OfRun, OfSensor
+from rig.fitter.trace.found import TracedRun, TracedSensor
 from rig.fitter.trace.growing_noise import Noise
 from rig.fitter.trace.outcome import OF_REPLICATIONS, Finding, Parameter, Row, WithError, absent
 from rig.procedures.pressure.data import WholePlotData
@@ -136,7 +136,7 @@ class Side:
 
 
 @dataclass(frozen=True, eq=False)
-class TransducerTrace(OfSensor[Side, FoundPressureEffect]):
+class TransducerTrace(TracedSensor[Side, FoundPressureEffect]):
     """Findings in one transducer.
 
     Attributes:
@@ -149,7 +149,7 @@ class TransducerTrace(OfSensor[Side, FoundPressureEffect]):
 
 
 @dataclass(frozen=True, eq=False)
-class WholePlotTrace(OfRun[TransducerTrace, Candidate]):
+class WholePlotTrace(TracedRun[TransducerTrace, Candidate]):
     """Findings in a run.
 
     Attributes:
@@ -161,7 +161,7 @@ class WholePlotTrace(OfRun[TransducerTrace, Candidate]):
 
     @property
     def reference(self) -> dict[str, JsonValue]:
-        """See `OfRun`."""
+        """See `TracedRun`."""
         return {
             "sensor_temperature_degC": self.scene.sensor_degC,
             "sse_temperature_degC": self.scene.sse_degC,
