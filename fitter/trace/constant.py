@@ -1,16 +1,50 @@
-"""Whether the coefficients of the names found are constants, in a run of any kind."""
+"""Whether the coefficients of the names found are constants: a right name predicts one part of the data from another.
+
+The contribution of a name is multiplied by smooth functions of everything that was recorded, and of its own size.
+Beside the model the residual follows such a product where the coefficient is larger at one end than at the other. With
+a law that is right it does not. With one that only looks like the true law over the whole run it does, even where the
+error of the law is too small to be seen as a shape of its own: these are few columns, at the place of the name.
+
+A cause whose strength depends on something (a line that freezes in the cold, friction that grows with the load) may be
+found as two: the nearest law with a constant coefficient, and another one that takes up how it changes. If the first
+law times a smooth function of what was recorded does the work of the second, both names are doubtful.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
+from itertools import permutations
 from typing import NamedTuple
 
+import numpy as np
+from scipy import special
+
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.constancy import Change, change, changing
-from rig.fitter.trace.exchange import exchanges, stands_in
-from rig.fitter.trace.flexible import Block
+from rig.fitter.linear import orthonormal
+from rig.fitter.trace.aliases import DELTA, PER_COLUMN
+from rig.fitter.trace.doubts import CHANGES, not_constant, one_that_changes
+from rig.fitter.trace.flexible import NOTHING_LEFT, Block, waves
+
+ENDS = 2
+"""Number of half waves over a variable: larger at one end, larger in the middle."""
+OWN_SIZE = "from where the effect is small to where it is large"
+
+
+@dataclass(frozen=True)
+class Change:
+    """A variable with which a coefficient changes.
+
+    Attributes:
+        over: in words: "with the temperature".
+        p: probability by chance, over all variables that were tried.
+
+    """
+
+    over: str
+    p: float
 
 
 class Instead(NamedTuple):
@@ -94,3 +128,76 @@ class Coefficients(ABC):
     def doubts(self) -> dict[str, str]:
         """Reasons for doubt by name."""
         return {**self.exchanged, **changing(self.changes)}
+
+
+def products(contribution: FloatArray, variables: Mapping[str, FloatArray]) -> list[Block]:
+    """The contribution (n,) of a name times smooth columns (n, m) of each variable, by its words, and of its size."""
+    every = {**variables, OWN_SIZE: waves(contribution, ENDS)}
+    made = ((over, contribution[:, None] * smooth) for over, smooth in every.items() if smooth.shape[1])
+    return [Block(over, own, (own.shape[1],), np.ones(own.shape[1])) for over, own in made]
+
+
+def change(found: Mapping[str, Sequence[float]]) -> Change | None:
+    """The clearest change, from the probabilities by chance of each variable in one sensor or in several.
+
+    Those of several sensors are combined by Fisher's method: a cause that changes does so in all that show it.
+    """
+    if not found:
+        return None
+    every = {over: float(special.chdtrc(2 * len(ps), -2.0 * sum(map(_log, ps)))) for over, ps in found.items()}
+    over = min(every, key=lambda name: every[name])
+    return Change(over, min(every[over] * len(every), 1.0))
+
+
+def changing(found: Mapping[str, Change]) -> dict[str, str]:
+    """Reasons for doubt about names whose coefficients are no constants, from the clearest change of each."""
+    return {name: not_constant(one.over, one.p) for name, one in found.items() if one.p < CHANGES}
+
+
+def _log(p: float) -> float:
+    return float(np.log(max(p, np.finfo(float).tiny)))
+
+
+def exchanges(names: Iterable[str], over: Callable[[str, str], str | None]) -> dict[str, str]:
+    """Reasons for doubt about names of which one with a coefficient that changes does the work of both.
+
+    Args:
+        names: found in one place.
+        over: the variable with which the coefficient of the first name would change instead of the second name.
+
+    """
+    out: dict[str, str] = {}
+    for name, other in permutations(names, 2):
+        variable = over(name, other)
+        if variable is not None:
+            out |= {one: one_that_changes(name, other, variable) for one in (name, other) if one not in out}
+    return out
+
+
+def stands_in(
+    y: FloatArray,
+    other: FloatArray,
+    blocks: Iterable[Block],
+    project: Callable[[FloatArray], FloatArray],
+    variance: float,
+) -> str | None:
+    """The variable with which a coefficient would change, if that explains as much as another name; else None.
+
+    Args:
+        y: (n,) residual without the other name.
+        other: (n, q) columns of the other name, beside the rest of the model.
+        blocks: what the first name adds, times smooth functions of each variable.
+        project: removes the rest of the model from columns (n, m).
+        variance: of the error beside both names.
+
+    """
+    basis = orthonormal(other)
+    least = float(np.sum((basis.T @ y) ** 2)) / variance - PER_COLUMN * basis.shape[1] - DELTA
+    best, over = max(least, DELTA), None  # a weak name is as good as many by chance
+    for block in blocks:
+        for columns in (block.columns[:, :1], block.columns):
+            own = orthonormal(project(columns), np.linalg.norm(columns, axis=0), NOTHING_LEFT)
+            gain = float(np.sum((own.T @ y) ** 2)) / variance - PER_COLUMN * own.shape[1]
+            if gain >= best:
+                best, over = gain, block.place
+    return over

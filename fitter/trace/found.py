@@ -9,9 +9,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
 from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.entry import Entry
 from rig.fitter.json_values import JsonValue
 from rig.fitter.trace.aliases import Rival
-from rig.fitter.trace.outcome import LEFT_OUT, Finding, Instead, Outcome, Parameter, Row, run_json
+from rig.fitter.trace.outcome import LEFT_OUT, Finding, Instead, Outcome, Parameter, Row, WithError, run_json
 from rig.fitter.trace.signs import Refused
 
 CONFIRMED = 0.8
@@ -81,6 +82,7 @@ class TracedSensor(Generic[S, E]):
 
 
 C = TypeVar("C")
+T_ = TypeVar("T_", bound=Entry)
 T = TypeVar("T", bound=TracedSensor[Any, Any])
 
 
@@ -125,6 +127,20 @@ class TracedRun(ABC, Generic[T, C]):
     def to_json(self, file: str | None = None) -> dict[str, JsonValue]:
         """JSON values for `rig trace --json`; missing numbers are None, never NaN."""
         return run_json({"file": file, **self.about}, self.outcomes(), reference=self.reference)
+
+
+def parameters_of(
+    effects: Iterable[Finding], names: Sequence[str], values: FloatArray, stderr: FloatArray, df: FloatArray
+) -> tuple[Parameter, ...]:
+    """Coefficients of the declared model by their names, and of the effects; of a joint fit the latter come last."""
+    declared = zip(names, values, stderr, df, strict=False)
+    own = (Parameter(name, WithError(float(v), float(e), float(df))) for name, v, e, df in declared)
+    return (*own, *(one for effect in effects for one in effect.parameters))
+
+
+def experiments(effect: T_, aliases: Iterable[T_], separate: Callable[[T_, T_], str]) -> str:
+    """Recommended measurement: against each alias if there are any, otherwise to confirm the effect."""
+    return "; ".join(dict.fromkeys(separate(effect, alias) for alias in aliases)) or effect.separate_by
 
 
 def of_left_out(

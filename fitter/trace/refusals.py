@@ -20,7 +20,7 @@ class SignedJudge(Protocol):
     def candidates(self) -> Sequence[Named]:
         """All candidates."""
 
-    def alone(self, chosen: tuple[int, ...]) -> Sequence[Impossible]:
+    def forbidden(self, chosen: tuple[int, ...]) -> Sequence[Impossible]:
         """Candidates that are significant beside those `chosen`, except for their required sign."""
 
 
@@ -55,6 +55,6 @@ def _wrong(
         for rival in explanations:
             yield from ((name, found) for found in rival.refused)
     named = {judge.candidates[j].effect.name for j in chosen}
-    for found in judge.alone(chosen):
+    for found in judge.forbidden(chosen):
         if judge.candidates[found.candidate].effect.name not in named:  # otherwise another value of its constant
             yield "", found

@@ -16,9 +16,8 @@ import rig
 from proving.strangers.traced import options_of, with_file, without_left_out
 from proving.truth.attitude import D1, simulate
 from proving.truth.attitude_hidden import CLEAN, sized
-from rig.fitter.trace.constancy import OWN_SIZE, change, products
+from rig.fitter.trace.constant import OWN_SIZE, change, products, stands_in
 from rig.fitter.trace.engine import family
-from rig.fitter.trace.exchange import stands_in
 from rig.fitter.trace.flexible import waves
 from rig.fitter.trace.sudden import lead_over_slopes, slopes
 from rig.procedures.attitude.trace import trace

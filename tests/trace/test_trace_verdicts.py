@@ -13,8 +13,8 @@ import strong_truth
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine import family
 from rig.fitter.trace.found import verdict
-from rig.fitter.trace.outcome import remains
 from rig.fitter.trace.keep import kept
+from rig.fitter.trace.outcome import remains
 from rig.fitter.trace.shares import of_rest, shares
 from rig.procedures.attitude.effects import CATALOGUE
 from rig.procedures.attitude.trace import trace

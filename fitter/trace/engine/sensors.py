@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import Any, Self
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from rig.fitter.trace.engine.family import TableFamily, family_of
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.lengths import Simulated
 from rig.fitter.trace.engine.noise import BoolArray, Noise
-from rig.fitter.trace.engine.problem import Candidate
 from rig.fitter.trace.engine.rivalry import Rivalry, possible_of
 from rig.fitter.trace.engine.score import View
 from rig.fitter.trace.engine.white import White, of_sensors
@@ -200,7 +200,7 @@ class RunJudge:
         covariances: those of the whole grid that the judges have.
     """
 
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[Any, ...]
     alone: tuple[TableJudge, ...]
     own: tuple[IntArray, ...]
     together: Together | None
@@ -225,7 +225,7 @@ class RunJudge:
             parts = tuple(judge.problem.noise.only(at) for judge, at in each)
         return np.array([one.grid[0] for one in parts if isinstance(one, Components)])
 
-    def rows(self, kept: IntArray, chosen: Iterable[int]) -> RunJudge:
+    def rows(self, kept: IntArray, chosen: Iterable[int]) -> Self:
         """The same for some of the rows of each sensor, under the likeliest covariance beside those `chosen`."""
         chosen = tuple(chosen)
         at = [judge.beside(self.mine(i, chosen)).best for i, judge in enumerate(self.alone)]

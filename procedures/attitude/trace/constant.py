@@ -9,8 +9,7 @@ from itertools import permutations
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.constancy import ENDS, products
-from rig.fitter.trace.constant import Coefficients, Instead
+from rig.fitter.trace.constant import ENDS, Coefficients, Instead, products
 from rig.fitter.trace.doubts import two_sizes
 from rig.fitter.trace.flexible import Block, remainders, turns, waves
 from rig.fitter.trace.limits import limit

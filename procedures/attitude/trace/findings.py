@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from rig.fitter.replication import Replication
 from rig.fitter.trace.aliases import Rival, separation
 from rig.fitter.trace.doubts import beside_a_wander, by_chance, error_rises
 from rig.fitter.trace.drawn import drawn, drawn_instead, drawn_period
-from rig.fitter.trace.found import of_left_out, told, verdict
+from rig.fitter.trace.found import experiments, of_left_out, told, verdict
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import CLEAR
 from rig.fitter.trace.not_kept import NotKept, for_others
@@ -21,7 +21,7 @@ from rig.fitter.trace.outcome import CONDITIONAL, Finding, Parameter, WithError,
 from rig.fitter.trace.shares import of_rest, shares, unnamed_part
 from rig.fitter.trace.signs import Refused
 from rig.procedures.attitude.data import AttitudeData
-from rig.procedures.attitude.effects import Effect, Scene, separate
+from rig.procedures.attitude.effects import Scene, separate
 from rig.procedures.attitude.effects.unnamed import NAMELESS
 from rig.procedures.attitude.fit import AttitudeFit, coefficient_table, temperature_table
 from rig.procedures.attitude.model import attitude_columns
@@ -205,7 +205,7 @@ def _found(
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
     peak = float(np.max(np.abs(contribution)))
     gear = same_on_grid(name, problem.scene.data)
-    experiments = _experiments(effect, alike) if gear is None else f"{_experiments(effect, alike)}; {gear.separate_by}"
+    further = experiments(effect, alike, separate) + ("" if gear is None else f"; {gear.separate_by}")
     return FoundEffect(
         kind="effect",
         effect=name,
@@ -225,7 +225,7 @@ def _found(
         share=0.0,  # together for all effects: `_shares`
         aliases=tuple(dict.fromkeys([*(other.name for other in alike), *([gear.effect] if gear else [])])),
         separation=separation(explanations, name),
-        separate_by=f"{experiments}; it reaches {peak:.2g} V "
+        separate_by=f"{further}; it reaches {peak:.2g} V "
         f"({np.degrees(peak / problem.fits[sensor].parameters.S_V):.2g} deg) here",
         columns_V=raw_columns(problem.scene.on(whole), shape)[i] * after.gamma[mine],
         df=min(after.fits[i].df, *after.dfs[shown].tolist()),
@@ -247,11 +247,6 @@ def _shares(problem: Problem, after: Estimate, names: list[str], unnamed: float,
     known = np.isfinite(table.sigma_pr)
     variance = table.sigma_pr**2 if known else table.sigma_E**2 * (1.0 - unnamed)
     return shares(beyond, residual, after.fits[i].df * float(variance))
-
-
-def _experiments(effect: Effect, aliases: Iterable[Effect]) -> str:
-    """Recommended measurement: against each alias if there are any, otherwise to confirm the effect."""
-    return "; ".join(dict.fromkeys(separate(effect, alias) for alias in aliases)) or effect.separate_by
 
 
 def _size(problem: Problem, after: Estimate, k: int, i: int) -> float:

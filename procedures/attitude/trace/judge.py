@@ -21,7 +21,6 @@ from rig.fitter.trace.engine.strata import StrataJudge
 from rig.fitter.trace.signs import SURE, Impossible, Refused
 from rig.procedures.attitude.effects.unnamed import NAMELESS
 from rig.procedures.attitude.trace.estimate import concerns
-from rig.procedures.attitude.trace.limits import limits
 from rig.procedures.attitude.trace.posed import engine_of, posed, units_of
 from rig.procedures.attitude.trace.problem import Candidate, Problem
 from rig.procedures.attitude.trace.refine import refined
@@ -203,20 +202,15 @@ class AttitudeJudge:
             spread = np.linalg.pinv(spread, rcond=1e-10) if size > 1 else np.rint(spread)
             value = np.einsum("kij,kj->ki", spread, dot / length) / length
             stderr = np.sqrt(np.maximum(np.einsum("kjj->kj", spread), 0.0)) / length
-            can = np.all(np.abs(value) - SURE * stderr <= self._limits[picked], axis=1)
+            can = np.all(np.abs(value) - SURE * stderr <= self.problem.most[picked], axis=1)
             for k, one in zip(same, can.tolist(), strict=True):
                 out[k] = one
         return out
 
     @cached_property
-    def _limits(self) -> FloatArray:
-        """(J,) largest plausible coefficient of each candidate."""
-        return limits(self.problem, range(len(self.candidates)))
-
-    @cached_property
     def _limited(self) -> frozenset[int]:
         """Candidates with a largest plausible coefficient."""
-        return frozenset(np.flatnonzero(np.isfinite(self._limits)).tolist())
+        return frozenset(np.flatnonzero(np.isfinite(self.problem.most)).tolist())
 
     @cached_property
     def _open(self) -> NDArray[np.bool_]:
@@ -251,7 +245,7 @@ class AttitudeJudge:
     def _others(self, chosen: tuple[int, ...], j: int) -> tuple[int, ...]:
         return tuple(k for k in chosen if k not in self.unit(j))
 
-    def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
+    def forbidden(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
         """Candidates that are significant beside those `chosen`, except for their required sign: the clearest of each
         effect and sensor.
         """

@@ -8,7 +8,6 @@ from rig.fitter.trace.search import prune, search_and_name
 from rig.fitter.trace.signs import SURE, Impossible, Refused
 from rig.procedures.attitude.trace.estimate import estimate
 from rig.procedures.attitude.trace.judge import AttitudeJudge
-from rig.procedures.attitude.trace.limits import limits
 from rig.procedures.attitude.trace.problem import Problem
 
 
@@ -28,9 +27,8 @@ def plausible(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[AttitudeJu
 def _worst(problem: Problem, chosen: tuple[int, ...]) -> Refused | None:
     """The effect that most exceeds its largest plausible size, significantly."""
     fitted = estimate(problem, chosen)
-    most = limits(problem, chosen)
     stderr = np.sqrt(np.diag(fitted.covariance))
-    over = np.maximum(np.abs(fitted.gamma) - SURE * stderr, 0.0) / most
+    over = np.maximum(np.abs(fitted.gamma) - SURE * stderr, 0.0) / problem.most[list(chosen)]
     k = int(np.argmax(over))
     if over[k] <= 1.0:
         return None

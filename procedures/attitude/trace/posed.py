@@ -23,7 +23,6 @@ from rig.fitter.trace.engine.problem import Candidate
 from rig.fitter.trace.engine.strata import LIKE, StrataJudge
 from rig.fitter.trace.engine.term import Profile, TableTerm
 from rig.procedures.attitude.trace.levels import Level
-from rig.procedures.attitude.trace.limits import limits
 from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.score import errors, rounding
 
@@ -338,7 +337,7 @@ def _between_replications(
 
 
 def _candidates(problem: Problem) -> tuple[Candidate, ...]:
-    most, out = limits(problem, range(len(problem.candidates))), list[Candidate]()
+    most, out = problem.most, list[Candidate]()
     for u, unit in enumerate(problem.units):
         one, single = problem.candidates[unit[0]], len(unit) == 1
         labels = tuple(problem.candidates[j].term.name for j in unit)

@@ -123,6 +123,12 @@ class Problem:
         return tuple(self.candidates[unit[0]].cause for unit in self.units)
 
     @cached_property
+    def most(self) -> FloatArray:
+        """(J,) largest plausible coefficient of each candidate, in the unit of its term; infinite without a bound."""
+        each = ((c.effect.largest, self.fits[c.sensor or self.sensors[0]].parameters.S_V) for c in self.candidates)
+        return np.array([np.inf if one is None else one.of(slope) for one, slope in each], np.float64)
+
+    @cached_property
     def estimates(self) -> dict[tuple[int, ...], Any]:
         """Cache of fits, by the candidates in them: `estimate`."""
         return {}

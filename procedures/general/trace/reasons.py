@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rig.fitter.trace.constancy import changing
+from rig.fitter.trace.constant import changing
 from rig.fitter.trace.doubts import not_sudden
 from rig.fitter.trace.search import led_by_history
 from rig.procedures.general.trace.constant import Constant

@@ -17,7 +17,7 @@ from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.noise import Wandering
 from rig.fitter.trace.engine.shared import Shared
-from rig.fitter.trace.found import of_left_out, told, verdict
+from rig.fitter.trace.found import of_left_out, parameters_of, told, verdict
 from rig.fitter.trace.not_kept import in_place_of
 from rig.fitter.trace.outcome import CONDITIONAL, UNSIGNED
 from rig.fitter.trace.search import names_of
@@ -99,7 +99,7 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
         effects=(*effects, *noise),
         unnamed=rest,
         instead=drawn_instead(unmodelled, doubtful),
-        fitted=(*sides[1].parameters(names), *(one for effect in effects for one in effect.parameters)),
+        fitted=parameters_of(effects, names, after.coefficients, after.stderr, after.dfs),
         notes=(
             *few_plots(found, data),
             *_remarks(found, data, after),

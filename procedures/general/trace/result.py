@@ -12,7 +12,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.json_values import JsonValue
 from rig.fitter.quantiles import t_limit
 from rig.fitter.trace.found import TracedSensor
-from rig.fitter.trace.outcome import OF_REPLICATIONS, Finding, Parameter, Row, WithError, absent
+from rig.fitter.trace.outcome import OF_REPLICATIONS, Finding, Row, absent
 from rig.procedures.general.trace.estimate import Constant, Estimate
 from rig.procedures.general.trace.run import Found as Search
 
@@ -97,11 +97,6 @@ class TableSide:
     sigma_pure: float | None
     shared: tuple[float, float] | None
     shares: str = "whole plots"
-
-    def parameters(self, names: tuple[str, ...]) -> tuple[Parameter, ...]:
-        """Coefficients of the declared model, by the names of its columns."""
-        rows = zip(names, self.fit.coefficients, self.fit.stderr, self.fit.dfs, strict=False)  # effects come after them
-        return tuple(Parameter(name, WithError(float(v), float(e), float(df))) for name, v, e, df in rows)
 
     def rows(self) -> tuple[Row, ...]:
         """The same in the form of every kind of run, with the keys of other kinds as null."""

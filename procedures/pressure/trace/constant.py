@@ -8,8 +8,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.constancy import ENDS, products
-from rig.fitter.trace.constant import Coefficients, Instead
+from rig.fitter.trace.constant import ENDS, Coefficients, Instead, products
 from rig.fitter.trace.flexible import Block, remainders, waves
 from rig.fitter.trace.limits import limit
 from rig.procedures.pressure.effects.scene import PressureScene

@@ -19,7 +19,7 @@ from rig.fitter.trace.engine.sensors import RunJudge
 from rig.fitter.trace.signs import SURE, Impossible
 from rig.fitter.trace.whitened import Whitened
 from rig.procedures.pressure.trace.posed import engine_of, white_of
-from rig.procedures.pressure.trace.problem import Candidate, Problem
+from rig.procedures.pressure.trace.problem import Problem
 
 NOTHING_LEFT = 0.02
 """Minimum remaining share of a candidate beside the others: above the scatter of temperature readbacks about their
@@ -28,29 +28,22 @@ setting.
 
 
 @dataclass(frozen=True, eq=False)
-class WholePlotJudge:
+class WholePlotJudge(RunJudge):
     """A `rig.fitter.trace.search.Judge` of whole-plot runs.
 
     Attributes:
         problem: the run.
-        engine: the same for the search.
         estimates: fits known so far: `estimate`.
     """
 
     problem: Problem
-    engine: RunJudge
     estimates: dict[Any, Any] = field(default_factory=dict)
     _white: dict[bytes, White] = field(default_factory=dict)
 
     @classmethod
     def of(cls, problem: Problem, known: WholePlotJudge | None = None) -> WholePlotJudge:
         """The judge of a run, given one of the same run with other weights, if any."""
-        return cls(problem, engine_of(problem, None if known is None else known.engine))
-
-    @property
-    def candidates(self) -> tuple[Candidate, ...]:
-        """All candidates, in catalogue order."""
-        return self.problem.candidates
+        return cls(problem.candidates, *engine_of(problem, known), problem)
 
     def unit(self, j: int) -> tuple[int, ...]:
         """Every candidate separately."""
@@ -60,29 +53,13 @@ class WholePlotJudge:
         """Unchanged: searched constants are those of the catalogue."""
         return self
 
-    def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
-        """The most evident candidate beside those `chosen`, among the significant ones."""
-        return self.engine.best(chosen)
-
-    def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
-        """Probability that the best of the family looks as good as `j` beside the other `chosen` by chance."""
-        return self.engine.p_adjusted(chosen, j)
-
-    def p_up_to(self, chosen: tuple[int, ...], j: int, most: float) -> float:
-        """The same; one above `most` need only be known to be above it."""
-        return self.engine.p_up_to(chosen, j, most)
-
-    def is_bound(self, p: float) -> bool:
-        """Whether no simulated run had such a score."""
-        return self.engine.is_bound(p)
-
-    def rows(self, rest: Problem, kept: IntArray, chosen: Iterable[int]) -> WholePlotJudge:
+    def part(self, rest: Problem, kept: IntArray, chosen: Iterable[int]) -> WholePlotJudge:
         """The same for the `rest` of the run, of the rows `kept`."""
-        return WholePlotJudge(rest, self.engine.rows(kept, chosen))
+        return replace(self.rows(kept, chosen), problem=rest, estimates={}, _white={})
 
     def white(self, chosen: Sequence[int]) -> White:
         """The run over the likeliest errors beside those `chosen`."""
-        covariances = self.engine.likeliest(chosen)
+        covariances = self.likeliest(chosen)
         key = covariances.tobytes()
         if key not in self._white:
             self._white.clear()
@@ -93,7 +70,7 @@ class WholePlotJudge:
         """Coefficients of the `chosen` candidates, each beside all others."""
         return self.white(chosen).coefficients(chosen)
 
-    def alone(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
+    def forbidden(self, chosen: tuple[int, ...]) -> tuple[Impossible, ...]:
         """Candidates that are significant beside those `chosen`, except for their required sign: the clearest of each
         effect and transducer.
         """
@@ -104,7 +81,7 @@ class WholePlotJudge:
         wrong = np.flatnonzero(self.signs * value < -SURE * error)
         for j in sorted(wrong.tolist(), key=lambda j: -abs(float(value[j] / error[j]))):
             clearest.setdefault((self.candidates[j].effect.name, self.candidates[j].sensor), j)
-        found = (j for j in clearest.values() if self.engine.p_unsigned(chosen, j) <= ALPHA)
+        found = (j for j in clearest.values() if self.p_unsigned(chosen, j) <= ALPHA)
         return tuple(Impossible(j, float(value[j]), float(error[j])) for j in found)
 
     def lead(self, explanations: Sequence[Rival]) -> Rival:

@@ -147,7 +147,7 @@ class _About:
         others = np.setdiff1d(self.settled.look.aside.rows, rows)
         with_them = self.whole.take(np.setdiff1d(np.arange(len(self.data)), others))
         judge, chosen = self.settled.judge, self.after.chosen
-        found = white_of(with_them, judge.engine.likeliest(chosen)).coefficients(chosen)
+        found = white_of(with_them, judge.likeliest(chosen)).coefficients(chosen)
         one, other = (e.fits[self.i] for e in (self.after, estimated(with_them, found)))
         return float(np.max(np.abs(one.coefficients - other.coefficients) / one.stderr))
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from rig.fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.beside import Errors, White
 from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.family import TableFamily
@@ -27,7 +28,16 @@ NEAR = 6.0
 TRIED = 10
 
 
-def engine_of(run: Problem, known: RunJudge | None) -> RunJudge:
+class Posed(NamedTuple):
+    """Attributes of a `RunJudge`."""
+
+    alone: tuple[OfSensor, ...]
+    own: tuple[IntArray, ...]
+    together: Together | None
+    covariances: BoolArray
+
+
+def engine_of(run: Problem, known: RunJudge | None) -> Posed:
     """The run for the engine.
 
     Args:
@@ -37,7 +47,6 @@ def engine_of(run: Problem, known: RunJudge | None) -> RunJudge:
     """
     count = len(run.sensors)
     commons = [j for j, c in enumerate(run.candidates) if c.sensor is None]
-    candidates = tuple(_candidate(run, j, np.empty((0, 1))) for j in range(len(run.candidates)))
     noises = [
         Components.of(run.whole_plot, run.order, run.pressure_psia, scale_of(run.whole_plot, y, run.model))
         for y in run.outputs
@@ -77,7 +86,7 @@ def engine_of(run: Problem, known: RunJudge | None) -> RunJudge:
     if count > 1 and commons:
         families_of_all = {} if before is None or before.together is None else before.together.families
         together = Together(_stacked(run, alone, noises, sd), families_of_all, alone=tuple(alone))
-    return RunJudge(candidates, tuple(alone), tuple(own), together, kept)
+    return Posed(tuple(alone), tuple(own), together, kept)
 
 
 def _stacked(run: Problem, alone: Sequence[TableJudge], noises: Sequence[Components], sd: FloatArray) -> Blocks:

@@ -1,19 +1,171 @@
-"""Reasons for doubt about a name of one transducer: what another one has, or follows, at the same time."""
+"""All that is known of a run after its search, and the reasons for doubt about its names."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
-from rig.fitter.trace.doubts import shown_by_another, under_another_name
-from rig.fitter.trace.engine.beside import LEVELS
+from rig.fitter.arrays import FloatArray
+from rig.fitter.formula import Formula
+from rig.fitter.trace.aliases import Rival
+from rig.fitter.trace.doubts import (
+    MANY,
+    another_law,
+    beyond_chance,
+    by_chance,
+    error_rises,
+    one_apart,
+    several_causes,
+    shown_by_another,
+    something_left,
+    under_another_name,
+)
+from rig.fitter.trace.engine.beside import LEVELS, Level
+from rig.fitter.trace.keep import LeftIn
 from rig.fitter.trace.limits import limit
+from rig.fitter.trace.search import led_by_history
+from rig.fitter.trace.signs import Refused
+from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects.scene import PressureScene
+from rig.procedures.pressure.trace.agreement import classes
+from rig.procedures.pressure.trace.constant import Constant
+from rig.procedures.pressure.trace.courses import Course, courses
+from rig.procedures.pressure.trace.estimate import Estimate
+from rig.procedures.pressure.trace.judge import WholePlotJudge
+from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.result import FoundPressureEffect
+from rig.procedures.pressure.trace.settle import Settled
 from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 
 UNEXPLAINED = limit("unexplained", "whole-plot")
 """Probability of a remainder, over all that is tried, below which it is said."""
+QUADRATIC = ("offset-temperature", "offset-temperature-second-order", "sensitivity-temperature")
+"""Terms of the usual quadratic model: where one is missing, it is likelier than any corner that looks like it."""
 
 
-def of_another(unmodelled: UnmodelledSmooth, name: str, i: int) -> str | None:
+@dataclass(frozen=True, eq=False)
+class Run:
+    """All results of a trace of a run.
+
+    Attributes:
+        data: the observations without outliers.
+        whole: all of them.
+        model: the declared one, as requested.
+        formula: its terms.
+        scene: references.
+        settled: the search, with its final weights, and the noise with the effects.
+        before: the declared model.
+        after: the same with the effects.
+        stated: the same with those that lower the error of a transducer.
+        every: the whole run, prepared.
+        cv: (2, S) error of left-out whole plots, before and after.
+        refused: causes that would fit, except for their required sign.
+    """
+
+    data: WholePlotData
+    whole: WholePlotData
+    model: str
+    formula: Formula
+    scene: PressureScene
+    settled: Settled
+    before: Estimate
+    after: Estimate
+    stated: Estimate
+    every: Problem
+    cv: FloatArray | None
+    refused: tuple[Refused, ...] = ()
+
+    @property
+    def judge(self) -> WholePlotJudge:
+        """The judge of the search."""
+        return self.settled.judge
+
+    @cached_property
+    def classes(self) -> dict[str, tuple[Rival, ...]]:
+        """Every explanation of each effect found."""
+        return classes(self.judge, self.after.chosen)
+
+    @cached_property
+    def led_by_history(self) -> dict[str, str]:
+        """Sentences about names that a laboratory's history puts before others."""
+        return led_by_history(self.judge, self.after.chosen, self.judge.lead)
+
+    @cached_property
+    def unmodelled(self) -> UnmodelledSmooth:
+        """Shapes without a name beside what was found."""
+        return UnmodelledSmooth(self.judge, replace(self.scene, data=self.data), self.after.chosen)
+
+    def free(self, level: Level, i: int) -> float:
+        """Degrees of freedom of a level of transducer `i` beside the declared model."""
+        return float(self.unmodelled.white.view(level, ()).df[i])
+
+    @cached_property
+    def constant(self) -> Constant:
+        """Whether the coefficients of what was found are constants."""
+        return Constant(self.unmodelled)
+
+    @cached_property
+    def courses(self) -> dict[int, Course]:
+        """What whole plots follow beside what was found, by transducer."""
+        unmodelled, in_time = self.unmodelled, self.judge.problem.plots_in_time
+        return courses(unmodelled.view("whole-plot"), in_time, unmodelled.scene) if unmodelled.able else {}
+
+
+def names_in(run: Run, inside: Sequence[LeftIn], i: int) -> frozenset[str]:
+    """Names of candidates of transducer `i` that are inside."""
+    every = run.judge.candidates
+    return frozenset(every[j].effect.name for j in (inside[i] if inside else ()))
+
+
+def doubt(run: Run, effect: FoundPressureEffect, i: int) -> str | None:
+    """Why a name found in transducer `i` should not be believed yet; None where nothing is against it.
+
+    A name that is doubtful in one transducer is so in all: it is one cause, and they are of one make and on one line.
+    """
+    every = (_doubt_in(run, effect.effect, k) for k in (i, *range(len(run.judge.problem.sensors))))
+    said = next((text for text in every if text is not None), _alike_laws(run, effect.effect))
+    said = said or _of_another(run.unmodelled, effect.effect, i)
+    said = said or _of_alias(run.unmodelled, effect.aliases, i, partial(_doubt_in, run))
+    if said is None and effect.effect in names_in(run, run.stated.left_in, i):
+        return error_rises()
+    tried = len(run.judge.candidates)
+    if effect.p_adjusted_is_bound and beyond_chance(effect.coefficients, effect.stderr, min(effect.df), tried):
+        return said
+    return said or by_chance(effect.p_adjusted)
+
+
+def _alike_laws(run: Run, name: str) -> str | None:
+    """Doubt about a name beside which many others explain as much, or a corner over a temperature beside a power."""
+    candidates = run.judge.problem.candidates
+    rivals = [r for r in run.classes[name] if r.alias and r.effect != name]
+    if len(rivals) >= MANY:
+        return several_causes(len(rivals) + 1)
+    own = next(c.effect for c in candidates if c.effect.name == name)
+    effects = [candidates[rival.terms[0]].effect for rival in rivals]
+    if any(effect.of_noise for effect in effects) and not own.of_noise:
+        return one_apart()
+    corners = [effect.name for effect in effects if effect.searched and effect.source == "temperature"]
+    return another_law(corners[0]) if corners and not own.searched and name not in QUADRATIC else None
+
+
+def _doubt_in(run: Run, name: str, i: int) -> str | None:
+    """Why a name should not be believed in transducer `i`."""
+    problem, course = run.judge.problem, run.courses.get(i)
+    said = run.led_by_history.get(name) or run.unmodelled.doubts_by_sensor.get((name, i))
+    if said is None:
+        said = run.constant.doubts.get(name)
+    between = any(
+        problem.judged_at[j] == "whole-plot" and problem.candidates[j].sensor in (None, problem.sensors[i])
+        for j in run.after.chosen
+        if problem.candidates[j].effect.name == name
+    )
+    if said is None and between and course is not None and not course.slow:
+        return something_left(course.where, course.shape.p)
+    return said
+
+
+def _of_another(unmodelled: UnmodelledSmooth, name: str, i: int) -> str | None:
     """Doubt about a name of transducer `i` where another one, without it, follows a shape in the same stratum.
 
     They are of one make and on one line, so that one cause of both is likelier than two.
@@ -28,7 +180,7 @@ def of_another(unmodelled: UnmodelledSmooth, name: str, i: int) -> str | None:
     return None
 
 
-def of_alias(
+def _of_alias(
     unmodelled: UnmodelledSmooth, aliases: Sequence[str], i: int, doubt: Callable[[str, int], str | None]
 ) -> str | None:
     """Doubt about a name of transducer `i` of which another one has an alias, where that is doubtful.

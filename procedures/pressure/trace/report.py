@@ -3,49 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtrc
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.effects.entry import Entry
 from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
-from rig.fitter.formula import Formula
 from rig.fitter.linear import orthonormal
-from rig.fitter.trace.aliases import Rival, separation
-from rig.fitter.trace.doubts import (
-    MANY,
-    another_law,
-    beyond_chance,
-    by_chance,
-    error_rises,
-    one_apart,
-    several_causes,
-    something_left,
-)
+from rig.fitter.trace.aliases import separation
 from rig.fitter.trace.drawn import drawn, drawn_instead, drawn_period
 from rig.fitter.trace.engine.beside import Level
-from rig.fitter.trace.found import CONFIRMED, of_left_out, told, verdict
-from rig.fitter.trace.keep import LeftIn
+from rig.fitter.trace.found import CONFIRMED, experiments, of_left_out, parameters_of, told, verdict
 from rig.fitter.trace.lines import CLEAR
 from rig.fitter.trace.not_kept import for_others, left_to_whole_plots
 from rig.fitter.trace.outcome import CONDITIONAL, Finding, remains
-from rig.fitter.trace.search import led_by_history
 from rig.fitter.trace.shares import of_rest, shares, unnamed_part
-from rig.fitter.trace.signs import Refused
-from rig.procedures.pressure.data import WholePlotData
-from rig.procedures.pressure.effects.scene import PressureEffect, PressureScene, PressureTerm
+from rig.procedures.pressure.effects.scene import PressureEffect, PressureTerm
 from rig.procedures.pressure.effects.separation import separate_pressure
-from rig.procedures.pressure.trace.agreement import classes
-from rig.procedures.pressure.trace.constant import Constant
-from rig.procedures.pressure.trace.courses import Course, courses
 from rig.procedures.pressure.trace.estimate import Estimate, error_of, residual_of
-from rig.procedures.pressure.trace.judge import WholePlotJudge
 from rig.procedures.pressure.trace.noise_report import noise_findings
-from rig.procedures.pressure.trace.problem import Problem
-from rig.procedures.pressure.trace.reasons import UNEXPLAINED, of_alias, of_another
+from rig.procedures.pressure.trace.reasons import UNEXPLAINED, Run, doubt, names_in
 from rig.procedures.pressure.trace.remainder import (
     reading_error_pct,
     repeated_readings,
@@ -54,87 +32,14 @@ from rig.procedures.pressure.trace.remainder import (
     strongest_whole_plot,
 )
 from rig.procedures.pressure.trace.result import FoundPressureEffect, Side, TransducerTrace
-from rig.procedures.pressure.trace.settle import Settled
 from rig.procedures.pressure.trace.some_plots import in_some_plots
 from rig.procedures.pressure.trace.time_constants import time_constant
-from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
 
 DIFFERENT = 0.01
 """Coefficients of all transducers that agree with more than this probability are called equal."""
 
 LEAVING_OUT = "each whole plot in turn left out of selection and fit, its error predicted as zero"
-QUADRATIC = ("offset-temperature", "offset-temperature-second-order", "sensitivity-temperature")
-"""Terms of the usual quadratic model: where one is missing, it is likelier than any corner that looks like it."""
-
 _BETWEEN = "between whole plots"
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """All results of a trace of a run.
-
-    Attributes:
-        data: the observations without outliers.
-        whole: all of them.
-        model: the declared one, as requested.
-        formula: its terms.
-        scene: references.
-        settled: the search, with its final weights, and the noise with the effects.
-        before: the declared model.
-        after: the same with the effects.
-        stated: the same with those that lower the error of a transducer.
-        every: the whole run, prepared.
-        cv: (2, S) error of left-out whole plots, before and after.
-        refused: causes that would fit, except for their required sign.
-    """
-
-    data: WholePlotData
-    whole: WholePlotData
-    model: str
-    formula: Formula
-    scene: PressureScene
-    settled: Settled
-    before: Estimate
-    after: Estimate
-    stated: Estimate
-    every: Problem
-    cv: FloatArray | None
-    refused: tuple[Refused, ...] = ()
-
-    @property
-    def judge(self) -> WholePlotJudge:
-        """The judge of the search."""
-        return self.settled.judge
-
-    @cached_property
-    def classes(self) -> dict[str, tuple[Rival, ...]]:
-        """Every explanation of each effect found."""
-        return classes(self.judge, self.after.chosen)
-
-    @cached_property
-    def led_by_history(self) -> dict[str, str]:
-        """Sentences about names that a laboratory's history puts before others."""
-        return led_by_history(self.judge, self.after.chosen, self.judge.lead)
-
-    @cached_property
-    def unmodelled(self) -> UnmodelledSmooth:
-        """Shapes without a name beside what was found."""
-        return UnmodelledSmooth(self.judge, replace(self.scene, data=self.data), self.after.chosen)
-
-    def free(self, level: Level, i: int) -> float:
-        """Degrees of freedom of a level of transducer `i` beside the declared model."""
-        return float(self.unmodelled.white.view(level, ()).df[i])
-
-    @cached_property
-    def constant(self) -> Constant:
-        """Whether the coefficients of what was found are constants."""
-        return Constant(self.unmodelled)
-
-    @cached_property
-    def courses(self) -> dict[int, Course]:
-        """What whole plots follow beside what was found, by transducer."""
-        unmodelled, in_time = self.unmodelled, self.judge.problem.plots_in_time
-        return courses(unmodelled.view("whole-plot"), in_time, unmodelled.scene) if unmodelled.able else {}
 
 
 def transducer(run: Run, i: int) -> TransducerTrace:
@@ -143,14 +48,15 @@ def transducer(run: Run, i: int) -> TransducerTrace:
     left = _unnamed(run, i)
     shown = [e for name in run.classes if (e := _found(run, name, i)) is not None]
     divided = _shares(run, [effect.effect for effect in shown], unnamed_part(left), i)
-    kept_in, in_part = (_names(run, one, i) for one in (run.stated.left_in, run.stated.within))
+    kept_in, in_part = (names_in(run, one, i) for one in (run.stated.left_in, run.stated.within))
     effects = (
-        *told(shown, divided, lambda effect: _doubt(run, effect, i), kept_in),
+        *told(shown, divided, lambda effect: doubt(run, effect, i), kept_in),
         *noise_findings(run.whole, run.every, run.after, run.settled, run.scene.sensitivity[sensor], i),
     )
     rest = of_rest(divided, left)
     idle = [effect.effect for effect in effects if not _falls(run, effect, i)]
     before, after = _side(run, run.before, i, 0), _side(run, run.stated, i, 1)
+    fit = after.fit
     refused = tuple(one for one in run.refused if sensor in one.sensors)
     added = tuple(effect for effect in effects if effect.kind == "effect")
     return TransducerTrace(
@@ -166,7 +72,7 @@ def transducer(run: Run, i: int) -> TransducerTrace:
         unnamed=rest,
         instead=drawn_instead(run.unmodelled, tuple(effect.effect for effect in effects if effect.doubtful), i),
         refused=refused,
-        fitted=(*after.parameters(), *(one for effect in added for one in effect.parameters)),
+        fitted=parameters_of(added, fit.names, after.declared, fit.kenward_roger().stderr, fit.df),
         notes=(
             *after.fit.notes,
             *(text for name in run.classes for text in (_alike(run, name), _mixed(run, name)) if text),
@@ -210,59 +116,6 @@ def _notes(run: Run, before: Side, after: Side, effects: Sequence[FoundPressureE
     yield from of_left_out(before.cv_rms, after.cv_rms, "whole plots", LEAVING_OUT, most, asked=added)
 
 
-def _names(run: Run, inside: Sequence[LeftIn], i: int) -> frozenset[str]:
-    """Names of candidates of transducer `i` that are inside."""
-    every = run.judge.candidates
-    return frozenset(every[j].effect.name for j in (inside[i] if inside else ()))
-
-
-def _doubt(run: Run, effect: FoundPressureEffect, i: int) -> str | None:
-    """Why a name found in transducer `i` should not be believed yet; None where nothing is against it.
-
-    A name that is doubtful in one transducer is so in all: it is one cause, and they are of one make and on one line.
-    """
-    every = (_doubt_in(run, effect.effect, k) for k in (i, *range(len(run.judge.problem.sensors))))
-    said = next((text for text in every if text is not None), _alike_laws(run, effect.effect))
-    said = said or of_another(run.unmodelled, effect.effect, i)
-    said = said or of_alias(run.unmodelled, effect.aliases, i, partial(_doubt_in, run))
-    if said is None and effect.effect in _names(run, run.stated.left_in, i):
-        return error_rises()
-    tried = len(run.judge.candidates)
-    if effect.p_adjusted_is_bound and beyond_chance(effect.coefficients, effect.stderr, min(effect.df), tried):
-        return said
-    return said or by_chance(effect.p_adjusted)
-
-
-def _alike_laws(run: Run, name: str) -> str | None:
-    """Doubt about a name beside which many others explain as much, or a corner over a temperature beside a power."""
-    candidates = run.judge.problem.candidates
-    rivals = [r for r in run.classes[name] if r.alias and r.effect != name]
-    if len(rivals) >= MANY:
-        return several_causes(len(rivals) + 1)
-    own = next(c.effect for c in candidates if c.effect.name == name)
-    effects = [candidates[rival.terms[0]].effect for rival in rivals]
-    if any(effect.of_noise for effect in effects) and not own.of_noise:
-        return one_apart()
-    corners = [effect.name for effect in effects if effect.searched and effect.source == "temperature"]
-    return another_law(corners[0]) if corners and not own.searched and name not in QUADRATIC else None
-
-
-def _doubt_in(run: Run, name: str, i: int) -> str | None:
-    """Why a name should not be believed in transducer `i`."""
-    problem, course = run.judge.problem, run.courses.get(i)
-    said = run.led_by_history.get(name) or run.unmodelled.doubts_by_sensor.get((name, i))
-    if said is None:
-        said = run.constant.doubts.get(name)
-    between = any(
-        problem.judged_at[j] == "whole-plot" and problem.candidates[j].sensor in (None, problem.sensors[i])
-        for j in run.after.chosen
-        if problem.candidates[j].effect.name == name
-    )
-    if said is None and between and course is not None and not course.slow:
-        return something_left(course.where, course.shape.p)
-    return said
-
-
 def _side(run: Run, fitted: Estimate, i: int, when: int) -> Side:
     fit, formula = fitted.fits[i], run.formula
     if formula.has_categories or "P" not in formula.names:
@@ -297,6 +150,7 @@ def _found(run: Run, name: str, i: int) -> FoundPressureEffect | None:
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
     basis = orthonormal(problem.declared)
     peak = float(np.max(np.abs(contribution - basis @ (basis.T @ contribution))))
+    further = experiments(effect, alike, separate_pressure)
     psi = peak / abs(run.scene.sensitivity[sensor])
     return FoundPressureEffect(
         kind="noise" if effect.of_noise else "effect",
@@ -317,7 +171,7 @@ def _found(run: Run, name: str, i: int) -> FoundPressureEffect | None:
         share=0.0,  # together for all effects: `_shares`
         aliases=tuple(other.name for other in alike),
         separation=separation(explanations, name),
-        separate_by=f"{_experiments(effect, alike)}; {peak:.2g} mV ({psi:.2g} psi) of it are left beside the model",
+        separate_by=f"{further}; {peak:.2g} mV ({psi:.2g} psi) of it are left beside the model",
         against=effect.against,
         formulas=tuple(filter(None, (problem.candidates[j].term.formula for j in mine))),
         df=tuple(c.df for c in coefficients.values()),
@@ -340,7 +194,7 @@ def _falls(run: Run, effect: FoundPressureEffect, i: int) -> bool:
     if effect.kind == "noise":
         return True
     level: Level = "whole-plot" if effect.stratum == "whole-plot" else "subplot"
-    stays = effect.effect in _names(run, run.stated.left_in, i)
+    stays = effect.effect in names_in(run, run.stated.left_in, i)
     return not stays and error_of(run.after, level, i) < error_of(run.before, level, i)
 
 
@@ -402,11 +256,6 @@ def _mixed(run: Run, name: str) -> str:
             where = ", ".join(dict.fromkeys(str(candidate.sensor) for candidate in own))
             return f"{rival.effect} explains as much as {name} only with {own[0].effect.name} in {where} besides"
     return ""
-
-
-def _experiments(effect: Entry, aliases: Iterable[Entry]) -> str:
-    """Recommended measurement: against each alias if there are any, otherwise to confirm the effect."""
-    return "; ".join(dict.fromkeys(separate_pressure(effect, alias) for alias in aliases)) or effect.separate_by
 
 
 def _unnamed(run: Run, i: int) -> tuple[Finding, ...]:

@@ -92,14 +92,6 @@ class Side:
     cv_rms: float | None
     residual_mV: FloatArray
 
-    def parameters(self) -> tuple[Parameter, ...]:
-        """Coefficients of the declared model."""
-        fit = self.fit
-        rows = zip(
-            fit.names, self.declared, fit.kenward_roger().stderr, fit.df, strict=False
-        )  # effects come after them
-        return tuple(Parameter(name, WithError(float(v), float(e), float(df))) for name, v, e, df in rows)
-
     def rows(self) -> tuple[Row, ...]:
         """The same in the form of every kind of run, with the keys of pitch-roll runs as null."""
         return (

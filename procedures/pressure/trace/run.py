@@ -22,7 +22,8 @@ from rig.procedures.pressure.trace.agreement import named
 from rig.procedures.pressure.trace.estimate import contributed, estimate, never_above
 from rig.procedures.pressure.trace.judge import WholePlotJudge
 from rig.procedures.pressure.trace.problem import pose
-from rig.procedures.pressure.trace.report import Run, transducer
+from rig.procedures.pressure.trace.reasons import Run
+from rig.procedures.pressure.trace.report import transducer
 from rig.procedures.pressure.trace.result import WholePlotTrace
 from rig.procedures.pressure.trace.settle import settle
 
@@ -118,7 +119,7 @@ def left_out(judge: WholePlotJudge, found: tuple[int, ...]) -> FloatArray | None
         rest = problem.take(inside)
         try:
             design = SplitPlotDesign(rest.declared, rest.whole_plot, rest.names)
-            part = judge.rows(rest, inside, found)
+            part = judge.part(rest, inside, found)
             coefficients = part.coefficients(named(part)) if found else {}
             plain = design.fit_many(rest.outputs.T).coefficients
             beside_effects = design.fit_many((rest.outputs - contributed(rest, coefficients)).T).coefficients
