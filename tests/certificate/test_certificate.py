@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from scipy.stats import t as student
@@ -25,6 +26,7 @@ from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.evaluate import WholePlotTraced
 from rig.procedures.pressure.fitted import Declared
 from rig.procedures.pressure.trace import trace_whole_plots
+from rig.procedures.pressure.trace.report import _notes
 from rig.procedures.tables.table import Table
 
 EFFECT = Finding(
@@ -164,10 +166,10 @@ def test_a_test_beyond_its_limit_is_reconciled_with_nothing_else_standing_out(p:
 def test_a_left_out_error_of_whole_plots_that_grows_is_noted() -> None:
     data = simulate_whole_plots(Bench((Transducer(hysteresis=5e-3),)), Run(), 1)
     found = trace_whole_plots(data).sensors["bridge_1_mV"]
-    worse = replace(found, after=replace(found.after, cv_rms=1.35 * found.before.cv_rms))
-    assert any("the data left out do not confirm them" in note for note in worse.notes)
-    better = replace(found, after=replace(found.after, cv_rms=0.7 * found.before.cv_rms))
-    assert not any("the data left out" in note for note in better.notes)
+    worse, better = (replace(found.after, cv_rms=times * found.before.cv_rms) for times in (1.35, 0.9))
+    told, untold = ([*_notes(SimpleNamespace(), found.before, one, found.effects, 0)] for one in (worse, better))
+    assert any(one.startswith("not confirmed by whole plots left out: ") and "135%" in one for one in told)
+    assert not any("not confirmed" in one for one in untold)
 
 
 def test_a_certificate_says_that_nothing_was_found():

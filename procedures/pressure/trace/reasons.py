@@ -125,8 +125,8 @@ def doubt(run: Run, effect: FoundPressureEffect, i: int) -> str | None:
     """
     every = (_doubt_in(run, effect.effect, k) for k in (i, *range(len(run.judge.problem.sensors))))
     said = next((text for text in every if text is not None), _alike_laws(run, effect.effect))
-    said = said or _of_another(run.unmodelled, effect.effect, i)
-    said = said or _of_alias(run.unmodelled, effect.aliases, i, partial(_doubt_in, run))
+    said = said or of_another(run.unmodelled, effect.effect, i)
+    said = said or of_alias(run.unmodelled, effect.aliases, i, partial(_doubt_in, run))
     if said is None and effect.effect in names_in(run, run.stated.left_in, i):
         return error_rises()
     tried = len(run.judge.candidates)
@@ -165,7 +165,7 @@ def _doubt_in(run: Run, name: str, i: int) -> str | None:
     return said
 
 
-def _of_another(unmodelled: UnmodelledSmooth, name: str, i: int) -> str | None:
+def of_another(unmodelled: UnmodelledSmooth, name: str, i: int) -> str | None:
     """Doubt about a name of transducer `i` where another one, without it, follows a shape in the same stratum.
 
     They are of one make and on one line, so that one cause of both is likelier than two.
@@ -180,7 +180,7 @@ def _of_another(unmodelled: UnmodelledSmooth, name: str, i: int) -> str | None:
     return None
 
 
-def _of_alias(
+def of_alias(
     unmodelled: UnmodelledSmooth, aliases: Sequence[str], i: int, doubt: Callable[[str, int], str | None]
 ) -> str | None:
     """Doubt about a name of transducer `i` of which another one has an alias, where that is doubtful.

@@ -51,7 +51,7 @@ def transducer(run: Run, i: int) -> TransducerTrace:
     kept_in, in_part = (names_in(run, one, i) for one in (run.stated.left_in, run.stated.within))
     effects = (
         *told(shown, divided, lambda effect: doubt(run, effect, i), kept_in),
-        *noise_findings(run.whole, run.every, run.after, run.settled, run.scene.sensitivity[sensor], i),
+        *noise_findings(run, i),
     )
     rest = of_rest(divided, left)
     idle = [effect.effect for effect in effects if not _falls(run, effect, i)]
