@@ -51,8 +51,8 @@ def test_lines_of_an_encoder_are_found():
     error = 1.2 * np.sin(2.0 * np.pi * x / 0.02 + 0.4) + rng.standard_normal(160)
     result = trace(readings(160, x, error))
     (found,) = result.unnamed
-    assert found.where.startswith("over x: periodic, one period in ")
-    assert float(found.where.split()[-1]) == pytest.approx(0.02, rel=2e-4)
+    assert found.cause.startswith("over x: periodic, one period in ")
+    assert float(found.cause.split()[-1]) == pytest.approx(0.02, rel=2e-4)
     assert found.shape is not None
     assert result.verdict == "unexplained"
 
@@ -83,7 +83,7 @@ def test_a_meter_that_zeroes_itself_after_every_sixth_reading_is_seen(sd):
     result = trace(readings(80, rng.uniform(0.0, 10.0, 80), relay + rng.standard_normal(80)))
     assert all(one.doubtful for one in result.added)
     (found,) = result.unnamed
-    assert found.where in {f"along the run, again after {k} rows" for k in (2, 6, 12)}
+    assert found.cause in {f"along the run, again after {k} rows" for k in (2, 6, 12)}
 
 
 def test_what_a_stranger_put_into_a_stage_is_seen_at_its_true_period():

@@ -295,7 +295,7 @@ def effects(
                 size = found.sizes.get(outcome.sensor, "size not determined")
                 yield Effect(sensor, found.effect, cause, size, True, f"distinguished from {one.effect}{by}", stage)
                 continue
-            size = "; ".join((one.size + (f" ({one.size_95})" if one.size_95 else ""), *constants_of(one.more)))
+            size = "; ".join((one.size + (f" ({one.size_95})" if one.size_95 else ""), *constants_of(one.own_keys)))
             if answer is not None and confirms:
                 for mine in (m for m in answer.members if m.effect == one.effect):
                     told = mine.sizes.get(outcome.sensor, "")
