@@ -131,7 +131,7 @@ def test_the_family_holds_what_it_promises():
     names = [candidate.effect.name for candidate in problem.candidates]
     only = np.ones(1, np.bool_)
     view, best = View.of(problem, 0), []
-    family = family_of(problem, 0, np.ones(len(names)), 1, without=only, beside=only, scatter=view)
+    family = family_of(problem, 0, np.ones(len(names)), 1, without=only, beside=only, scatter=view.only)
     for _ in range(400):
         found, _ = score(view, rng.standard_normal(30), (), range(len(problem.candidates)))
         p = fdtrc(found.rank, found.df, found.ratio / found.scatter)

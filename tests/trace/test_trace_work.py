@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -135,6 +137,30 @@ def test_an_effect_that_chance_explains_is_refused_before_all_others_are_simulat
     assert left[-1] == 0  # nothing but all effects shows that none looks as good
 
 
+def test_an_effect_of_a_large_table_that_chance_does_not_explain_is_found_before_all_others_are_simulated(monkeypatch):
+    """With the same decision: those that wait count as if each of them were as likely to look as good (Bonferroni)."""
+    monkeypatch.setattr(judge, "CERTAIN", np.inf)
+    problem = problem_of(data_of(Lab(1200, 2, clock=True), effect=MISSING["drift"].at(0.25)))
+    drift = next(j for j, one in enumerate(problem.candidates) if one.effect.name == "drift:t_s")
+    large = TableJudge(problem)
+    quick = large.adjusted((), drift, ALPHA)
+    assert any(one.waiting for one in large.families.values())
+    exact = large.adjusted((), drift)
+    assert large.p_adjusted((drift,), drift) == exact, "what is reported is not a bound"
+    assert exact <= quick <= ALPHA
+
+
+def test_a_family_does_not_hold_the_search_that_asked_for_it(problem):
+    """A search has whitened candidates under several covariances: 110 MB of 4,800 rows."""
+    asking = TableJudge(problem)
+    families, gone = asking.families, weakref.ref(asking)
+    asking.family(0)
+    del asking
+    gc.collect()
+    assert families
+    assert gone() is None
+
+
 def test_a_clean_table_is_searched_with_few_effects_simulated(monkeypatch):
     monkeypatch.setattr(family, "MOST", 400)
     judge = TableJudge(problem_of(data_of(Lab(200, 2))))
@@ -144,9 +170,8 @@ def test_a_clean_table_is_searched_with_few_effects_simulated(monkeypatch):
 
 def test_the_least_p_is_known_without_a_simulation_only_in_a_large_table():
     """In a small one the number of draws depends on covariances that a simulation tells."""
-    assert family.least_of(problem_of(data_of(Lab(60))), 500) is None
-    problem = problem_of(data_of(LARGE))
-    assert family.least_of(problem, View.of(problem, 0).width) == pytest.approx(1.0 / (1.0 + family.FEWEST))
+    assert family.least_of(problem_of(data_of(Lab(60)))) is None
+    assert family.least_of(problem_of(data_of(LARGE))) == pytest.approx(1.0 / (1.0 + family.FEWEST))
 
 
 def test_each_part_of_the_rows_is_whitened_once(monkeypatch):
@@ -210,9 +235,11 @@ def test_a_simulation_keeps_no_whitened_candidates_of_other_covariances(monkeypa
     of = View.of.__func__
     monkeypatch.setattr(View, "of", classmethod(lambda cls, *args: views.append(args[1]) or of(cls, *args)))
     judge = TableJudge(problem_of(data_of(Lab(120, clock=True))))
-    judge.family(20)
-    judge.family(20, "fast")
-    assert views == [20]
+    families = judge.family(20), judge.family(20, "fast")
+    assert not views
+    for one in families:
+        one.adjust("drift:t_s", 9.0)
+    assert set(views) == {20}
 
 
 @pytest.mark.parametrize("n", [7, 33, 200])

@@ -13,6 +13,7 @@ is independent, cautious if it is not).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -55,7 +56,7 @@ thousands of candidates; the tails simulated for sixty tables ended at 27.)
 HELD = 2
 """Sets of draws that are held at once: an effect is judged against noise of short memory and against slow walks."""
 ALL_BUT = 0.9
-"""Share of candidates' columns that count under every covariance."""
+"""Share of candidates' columns that count beside the declared ones under every covariance."""
 _TINY = np.finfo(np.float32).tiny
 _LEAST = 1e-290
 _MOST = 80.0
@@ -99,6 +100,7 @@ class TableFamily:
         sensors: of the run, each with such a family.
         draws: tables in which effects are scored; None if all are.
         waiting: parts of the effects that are not simulated yet, those of fewest columns first.
+        sooner: whether effects that wait count with their bound where that is enough.
     """
 
     tails: dict[str, Tail]
@@ -106,6 +108,7 @@ class TableFamily:
     sensors: int = 1
     draws: Draws | None = None
     waiting: list[Part] = field(default_factory=list)
+    sooner: bool = False
 
     @property
     def least(self) -> float:
@@ -115,7 +118,9 @@ class TableFamily:
     def adjust(self, effect: str, score: float, most: float = np.inf) -> float:
         """Probability that the best of the family looks at least as good by chance as an effect with this score.
 
-        If it is above `most`, the result may be less, but above it: every further effect can only raise it.
+        If it is above `most`, the result may be less, but above it: every further effect can only raise it. With
+        `sooner`, one that is not above it may be more, but not above it: the own p of an effect that waits is as small
+        as this one with at most this probability (Bonferroni).
         """
         own = next((part for part in self.waiting if effect in part.simulated.problem.named), None)
         if own is not None:
@@ -124,8 +129,14 @@ class TableFamily:
             return 1.0
         alone = float(self.tails[effect].p(np.array(score)))
         while (p := self._rank(alone)) <= most and self.waiting:
+            if self.sooner and (bound := self._bound(alone)) <= most < np.inf:
+                return bound
             self._simulate(self.waiting[0])
         return p
+
+    def _bound(self, p: float) -> float:
+        waiting = sum(len(part.simulated.problem.named) for part in self.waiting)
+        return of_all(min(self._own(p) + waiting * p, 1.0), self.sensors)
 
     def _simulate(self, part: Part) -> None:
         if self.draws is not None:
@@ -135,9 +146,11 @@ class TableFamily:
         self.waiting.remove(part)
 
     def _rank(self, p: float) -> float:
+        return of_all(self._own(p), self.sensors)
+
+    def _own(self, p: float) -> float:
         rank = int(np.count_nonzero(self.smallest_p <= p))
-        own = min((1.0 + rank) / (1.0 + self.smallest_p.size), 1.0)
-        return of_all(own, self.sensors)
+        return min((1.0 + rank) / (1.0 + self.smallest_p.size), 1.0)
 
 
 def of_all(p: float, sensors: int) -> float:
@@ -156,17 +169,14 @@ def _fewest(problem: Problem) -> int:
     return max(FEWEST, math.ceil(TWICE * problem.sensors / ALPHA))
 
 
-def least_of(problem: Problem, width: int) -> float | None:
-    """`TableFamily.least` of every family of a table whose candidates have this many columns beside the declared ones.
+def least_of(problem: Problem) -> float | None:
+    """`TableFamily.least` of every family of a large table; None where the number of draws depends on the noise."""
+    return of_all(1.0 / (1.0 + _fewest(problem)), problem.sensors) if _large(problem) else None
 
-    None where it takes a simulation to know the number of draws.
-    """
-    fewest = _fewest(problem)
-    return (
-        of_all(1.0 / (1.0 + fewest), problem.sensors)
-        if ALL_BUT * problem.n * width > WORK * problem.effort / fewest
-        else None
-    )
+
+def _large(problem: Problem) -> bool:
+    """Whether a table is simulated as few times as possible, whatever its noise."""
+    return ALL_BUT * problem.n * int(problem.start[-1]) > WORK * problem.effort / _fewest(problem)
 
 
 def family_of(
@@ -177,8 +187,9 @@ def family_of(
     *,
     without: BoolArray,
     beside: BoolArray,
-    scatter: View | None = None,
+    scatter: Callable[[IntArray], View] | None = None,
     simulated: Simulated | None = None,
+    sooner: bool = False,
 ) -> TableFamily:
     """Scores of candidates beside the declared columns in simulated tables with only noise of covariance `at`.
 
@@ -189,19 +200,21 @@ def family_of(
         seed: of the draws.
         without: (G,) covariances that are fitted without a candidate.
         beside: (G,) those that are fitted beside one.
-        scatter: the problem whitened by `at`, if scores are divided by the contributions of single rows.
+        scatter: some candidates whitened by `at`, if scores are divided by the contributions of single rows.
         simulated: of the same problem, if more than one family of it is simulated.
+        sooner: as in `TableFamily`.
     """
     simulated = simulated or Simulated(problem)
     rng, fewest, n = np.random.default_rng(seed), _fewest(problem), problem.n
     near = _near(problem, at, without, rng), _near(problem, at, beside, rng)
-    width = simulated.width(at)
-    if not width:
-        return TableFamily({}, np.ones(1), problem.sensors)
-    most = WORK * problem.effort / (n * width * max(len(near[1]), 1))
-    count = int(np.clip(most, fewest, max(MOST * problem.effort, fewest)))
+    count = fewest
+    if not _large(problem):
+        if not (width := simulated.width(at)):
+            return TableFamily({}, np.ones(1), problem.sensors)
+        most = WORK * problem.effort / (n * width * max(len(near[1]), 1))
+        count = int(np.clip(most, fewest, max(MOST * problem.effort, fewest)))
     draws = Draws(problem, at, weight, rng, near, count, scatter if n >= FEWEST_FOR_SCATTER else None, simulated.held)
-    return TableFamily({}, np.ones(count), problem.sensors, draws, list(simulated.parts))
+    return TableFamily({}, np.ones(count), problem.sensors, draws, list(simulated.parts), sooner)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +240,7 @@ class Draws:
     rng: np.random.Generator
     near: tuple[IntArray, IntArray]
     count: int
-    scatter: View | None
+    scatter: Callable[[IntArray], View] | None
     held: dict[object, Drawn]
     token: object = field(default_factory=object)
 
@@ -246,7 +259,7 @@ class Draws:
         drawn = self.held[self.token]
         ratio = _ratios(drawn, part.simulated, found.rank, df)
         if self.scatter is not None:
-            ratio /= _scatter(self.scatter.only(part.terms).units(), drawn.noise, df)
+            ratio /= _scatter(self.scatter(part.terms).units(), drawn.noise, df)
         for name, every in mine.named.items():
             if np.any(judged[every]):
                 own = every[judged[every]]

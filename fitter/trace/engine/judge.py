@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from rig.fitter.trace.engine.problem import Candidate, Problem
 from rig.fitter.trace.engine.rivalry import Rivalry, Trial, possible, possible_of
 from rig.fitter.trace.engine.rivals import rivals
 from rig.fitter.trace.engine.robust import isolated
-from rig.fitter.trace.engine.score import Scores, View, ranked, score
+from rig.fitter.trace.engine.score import Scores, View, ranked, score, some_of
 
 SHORTLIST = 8
 """Number of effects examined closely at each step, by their reduction of the residual."""
@@ -43,6 +43,8 @@ beside the other, one of them by this factor more, because of the number of tria
 """
 ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
+WALKS: tuple[Rivalry, ...] = ("fast", "slow")
+"""What an effect ahead of every slow walk is held against: noise of short memory, and such walks."""
 SHAPES = ("kink", "clip", "square-root")
 """Kinds of curves that are not named after a power where they are more probable than it."""
 
@@ -81,7 +83,7 @@ class TableJudge:
     def best(self, chosen: tuple[int, ...]) -> tuple[int, ...]:
         """The most evident candidate beside those `chosen`, among the significant ones."""
         ranked = [j for j in self.promising(chosen) if not self.problem.crowded(chosen, j)]
-        single = next(((j,) for j in ranked if self.adjusted(chosen, j, ALPHA) <= ALPHA), ())
+        single = next(((j,) for j in ranked if self._within(chosen, j, ALPHA)), ())
         return single or self._pair(chosen, ranked)
 
     def judged(self, chosen: tuple[int, ...]) -> BoolArray | None:
@@ -101,9 +103,10 @@ class TableJudge:
             for k in self.promising((*chosen, j), "time"):
                 if self.candidates[k].effect.name == self.candidates[j].effect.name:
                     continue
-                p = self.adjusted((*chosen, j), k, ALPHA)
-                both = (p, self.adjusted((*chosen, k), j, ALPHA)) if p <= ALPHA else (p,)
-                if max(both) <= ALPHA and min(both) <= ALPHA / PAIRED:
+                both = (((*chosen, j), k), ((*chosen, k), j))
+                if all(self._within(*one, ALPHA) for one in both) and any(
+                    self._within(*one, ALPHA / PAIRED) for one in both
+                ):
                     return (j, k)
         return ()
 
@@ -112,12 +115,12 @@ class TableJudge:
         return self.p_up_to(chosen, j, np.inf)
 
     def p_up_to(self, chosen: tuple[int, ...], j: int, most: float) -> float:
-        """The same; one above `most` need only be known to be above it."""
+        """The same; it need only be known to be above `most`, or in a large table not to be."""
         whole, rest = tuple(sorted(chosen)), tuple(k for k in chosen if k != j)
         if (whole, j) not in self._p:
             self._grid(whole)  # from which each of them is taken out
             p = 1.0 if self.refused(rest, j) else self.adjusted(rest, j, most)
-            if p > most:
+            if p > most or (self._many and most < np.inf):
                 return p
             self._p[whole, j] = p
         return self._p[whole, j]
@@ -125,7 +128,10 @@ class TableJudge:
     def significant(self, chosen: tuple[int, ...], j: int) -> bool:
         """Whether `j` counts as found beside the other `chosen`."""
         rest = tuple(k for k in chosen if k != j)
-        return not self.refused(rest, j) and self.adjusted(rest, j, ALPHA) <= ALPHA
+        return not self.refused(rest, j) and self._within(rest, j, ALPHA)
+
+    def _within(self, chosen: tuple[int, ...], j: int, level: float) -> bool:
+        return self.adjusted(chosen, j, level) <= level
 
     def refused(self, chosen: tuple[int, ...], j: int) -> bool:
         """Whether the coefficient of `j` beside those `chosen` has an impossible sign or size."""
@@ -279,8 +285,10 @@ class TableJudge:
                 seed=1 + at,
                 without=without,
                 beside=beside,
-                scatter=None if rival == "slow" else self.view(at),
+                # not of this judge: families outlive it, and its views are large
+                scatter=None if rival == "slow" else partial(some_of, self.problem, at, self._views.get(at)),
                 simulated=self._simulated,
+                sooner=self._many,
             )
         return self.families[at, rival]
 
@@ -289,7 +297,7 @@ class TableJudge:
         return self.family(at, rival)
 
     def adjusted(self, chosen: tuple[int, ...], j: int, most: float = np.inf) -> float:
-        """Family-wise p of `j` beside those `chosen`; one above `most` need only be known to be above it.
+        """Family-wise p of `j` beside those `chosen`; whether it is above `most` is all that need be known.
 
         It has to be significant against the best-fitting noise without it. Or it has to be better than every slow walk,
         with noise of short memory beside it, and significant both against noise of short memory and against slow walks
@@ -297,11 +305,9 @@ class TableJudge:
         105, its distribution simulated).
         """
         trial = self._trial(chosen, j)
-        if trial.ahead > np.log(self.problem.n) * self.candidates[j].term.price:
-            p = self._against(trial, chosen, j, "fast", ALPHA)
-            p = max(p, self._against(trial, chosen, j, "slow", ALPHA)) if p <= ALPHA else p
-            if p <= ALPHA:
-                return p
+        ahead = trial.ahead > np.log(self.problem.n) * self.candidates[j].term.price
+        if ahead and all(self._against(trial, chosen, j, rival, ALPHA) <= ALPHA for rival in WALKS):
+            return max(self._against(trial, chosen, j, rival, most) for rival in WALKS)
         return self._against(trial, chosen, j, "any", most)
 
     def _against(self, trial: Trial, chosen: tuple[int, ...], j: int, rival: Rivalry, most: float) -> float:
@@ -379,7 +385,7 @@ class TableJudge:
     @cached_property
     def _least(self) -> float | None:
         """The least p of every family, if it is known without one."""
-        return least_of(self.problem, self.view(0).width) if self._many else None
+        return least_of(self.problem) if self._many else None
 
     @cached_property
     def _weight(self) -> FloatArray:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.engine.problem import Problem
+from rig.fitter.trace.engine.row_sums import pairs, row_sums, stretches
 from rig.fitter.trace.engine.score import CONSTANT, NOTHING_LEFT, Apart, in_turn
 
 Single = NDArray[np.float32]
@@ -112,15 +113,15 @@ class Simulated:
     @cached_property
     def columns(self) -> Single:
         """(n, D) all candidates, each over its size and each row's sd, with the declared columns removed."""
-        out = np.empty(self.problem.columns.shape, np.float32)
-        for some in self.problem.few:
-            out[:, some] = self._some(some)
-        return out
+        return self._beside.astype(np.float32)
 
-    def _some(self, some: slice) -> FloatArray:
+    @property
+    def _beside(self) -> FloatArray:
         declared, along = self._declared
-        own = self.problem.columns[:, some] / self._size[some] / self.problem.sd[:, None]
-        return np.asarray(own - declared @ along[:, some])
+        out = self.problem.columns / self._size
+        for rows in stretches(self.problem.n):
+            out[rows] = out[rows] / self.problem.sd[rows, None] - declared[rows] @ along
+        return out
 
     def under(self, at: int) -> Lengths:
         """Whitened by covariance `at`."""
@@ -134,29 +135,21 @@ class Simulated:
         declared, along = self._declared
         white = problem.noise.whiten(which, declared)[0]
         basis, n = orthonormal(white), problem.n
-        squares, total, of_basis = np.empty(start[-1]), np.empty(start[-1]), np.empty((basis.shape[1], start[-1]))
-        of_declared, across = np.empty((white.shape[1], start[-1])), np.zeros(start[-1])
-        paired = np.zeros(start[-1], np.bool_)
-        paired[start[:-1][width == 2]] = True
-        for some in problem.few:
-            own = problem.noise.whiten(which, self._some(some))[0]
-            squares[some], total[some] = np.einsum("ij,ij->j", own, own), own.sum(axis=0)
-            of_basis[:, some], of_declared[:, some] = basis.T @ own, white.T @ own
-            first = np.flatnonzero(paired[some])
-            across[first + some.start] = np.einsum("ij,ij->j", own[:, first], own[:, first + 1])
+        own = problem.noise.whiten(which, self._beside)[0]
+        squares, total, products, across = row_sums(own, np.hstack([basis, white]), first := pairs(start))
+        of_basis, of_declared = products[: basis.shape[1]], products[basis.shape[1] :]
         every = squares + np.einsum("ij,ij->j", along, 2.0 * of_declared + white.T @ white @ along)
         about = every - (total + white.sum(axis=0) @ along) ** 2 / n
         length = np.sqrt(np.maximum(about, CONSTANT * every))
-        first = np.flatnonzero(paired)
-        within = across[first] - np.einsum("ij,ij->j", of_basis[:, first], of_basis[:, first + 1])
+        within = across - np.einsum("ij,ij->j", of_basis[:, first], of_basis[:, first + 1])
         apart = in_turn(squares - np.einsum("ij,ij->j", of_basis, of_basis), within, first, length)
         wide = {}
         for j in np.flatnonzero(width > 2).tolist():
             some = slice(int(start[j]), int(start[j + 1]))
-            own = problem.noise.whiten(which, self._some(some))[0]
+            alone = own[:, some]
             for _ in range(2):
-                own = own - basis @ (basis.T @ own)
-            wide[j] = orthonormal(own, length[some], NOTHING_LEFT).astype(np.float32)
+                alone = alone - basis @ (basis.T @ alone)
+            wide[j] = orthonormal(alone, length[some], NOTHING_LEFT).astype(np.float32)
         return Lengths(basis, apart, wide, start)
 
 

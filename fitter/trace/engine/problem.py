@@ -7,14 +7,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.resolution import resolution
-from rig.fitter.trace.engine.noise import WIDE, Noise
+from rig.fitter.trace.engine.noise import Noise
 from rig.fitter.trace.engine.term import TableTerm
 from rig.fitter.trace.jointly import nearest, ranks
 from rig.fitter.trace.not_kept import NotKept
@@ -25,8 +24,6 @@ SPARED = 2
 """Minimum degrees of freedom beside a candidate."""
 MOST_TERMS = 3
 """Maximum number of terms of one effect with a searched constant: more knots or harmonics are not a description."""
-AT_ONCE = 400_000
-"""Numbers that the cache has room for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +108,11 @@ class Problem:
         blocks = [c.term.columns for c in self.candidates]
         return np.hstack(blocks) if blocks else np.empty((self.n, 0))
 
+    @property
+    def scaled(self) -> FloatArray:
+        """(n, D) the same over each row's `sd`: themselves where that is one, since they are large."""
+        return self.columns if np.all(self.sd == 1.0) else self.columns / self.sd[:, None]
+
     @cached_property
     def start(self) -> IntArray:
         """(J + 1,) first column of each candidate."""
@@ -124,15 +126,6 @@ class Problem:
         for j, candidate in enumerate(self.candidates):
             out.setdefault(candidate.effect.name, []).append(j)
         return {name: np.array(own) for name, own in out.items()}
-
-    @cached_property
-    def few(self) -> list[slice]:
-        """Columns of whole candidates a few at a time, so that they stay in the cache while they are used."""
-        ends = [0]
-        for end in self.start[1:].tolist():
-            if end - ends[-1] >= max(WIDE, AT_ONCE // self.n) or end == self.start[-1]:
-                ends.append(end)
-        return [slice(one, other) for one, other in pairwise(ends)]
 
     @cached_property
     def signs(self) -> FloatArray:

@@ -19,6 +19,7 @@ from scipy.linalg.lapack import dpstrf, dtrtrs
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.engine.problem import SPARED, Problem
+from rig.fitter.trace.engine.row_sums import pairs, row_sums, stretches
 
 BoolArray = NDArray[np.bool_]
 Apart = tuple[FloatArray, BoolArray, IntArray, IntArray, FloatArray]
@@ -37,8 +38,6 @@ SHORTEST = 1e-150
 """Length of a column whose square is still a number."""
 KEPT = 8
 """Bases of candidates that are kept: most are asked for a few times in turn."""
-AT_ONCE = 32
-"""Rows of all candidates that fit the cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,13 +125,9 @@ class View:
     @cached_property
     def _products(self) -> tuple[FloatArray, FloatArray, IntArray]:
         """(D,) sums of squares of the columns, (p,) products within each pair, and (p,) where the pairs begin."""
-        first = self.start[:-1][np.diff(self.start) == 2]
-        squares, across = np.zeros(self.columns.shape[1]), np.zeros(first.size)
-        for rows in _stretches(len(self.columns)):
-            some = self.columns[rows]
-            squares += np.einsum("ij,ij->j", some, some)
-            across += np.einsum("ij,ij->j", some[:, first], some[:, first + 1])
-        return squares, across, first
+        first = pairs(self.start)
+        found = row_sums(self.columns, self.basis[:, :0], first)
+        return found.squares, found.across, first
 
     @property
     def width(self) -> int:
@@ -149,18 +144,17 @@ class View:
         """Whiten a problem by covariance `at` of its noise."""
         which, sd = np.array([at]), problem.sd[:, None]
         own = problem.noise.whiten(which, np.column_stack([problem.y, problem.declared]) / sd)[0]
-        basis, columns = orthonormal(own[:, 1:]), np.empty(problem.columns.shape)
-        length = np.empty(int(problem.start[-1]))
-        for some in problem.few:
-            few = problem.noise.whiten(which, problem.columns[:, some] / sd)[0]
-            whole, along = np.einsum("ij,ij->j", few, few), basis.T @ few
-            # about their means: for a constant a millionth of its length, or its rounding errors would be a column
-            length[some] = np.sqrt(np.maximum(whole - few.sum(axis=0) ** 2 / len(few), CONSTANT * whole))
-            few -= basis @ along
-            near = whole - np.einsum("ij,ij->j", along, along) < NEARLY**2 * whole
-            if np.any(near):  # once leaves rounding errors of a column that is nearly declared
-                few[:, near] -= basis @ (basis.T @ few[:, near])
-            columns[:, some] = few
+        basis, columns = orthonormal(own[:, 1:]), problem.noise.whiten(which, problem.scaled)[0]
+        if np.may_share_memory(columns, problem.columns):
+            columns = columns.copy()
+        whole, total, along, _ = row_sums(columns, basis, pairs(problem.start)[:0])
+        # about their means: for a constant a millionth of its length, or its rounding errors would be a column
+        length = np.sqrt(np.maximum(whole - total**2 / problem.n, CONSTANT * whole))
+        for rows in stretches(problem.n):
+            columns[rows] -= basis[rows] @ along
+        near = whole - np.einsum("ij,ij->j", along, along) < NEARLY**2 * whole
+        if np.any(near):  # once leaves rounding errors of a column that is nearly declared
+            columns[:, near] -= basis @ (basis.T @ columns[:, near])
         return cls(own[:, 0], basis, columns, length, problem.start)
 
     def only(self, terms: Sequence[int] | IntArray) -> View:
@@ -226,7 +220,7 @@ class View:
             kept[self.start[j] : self.start[j + 1]] = np.arange(self.start[j + 1] - self.start[j]) < basis.shape[1]
         size = np.sqrt(np.where(kept, squares, 1.0))
         picked, out = np.flatnonzero(kept), np.empty((len(self.y), int(kept.sum())), np.float32)
-        for rows in _stretches(len(out)):
+        for rows in stretches(len(out)):
             some = self.columns[rows] / size
             some[:, two] -= some[:, one] * (slope * size[one] / size[two])
             out[rows] = some[:, picked]
@@ -321,6 +315,11 @@ def in_turn(squares: FloatArray, across: FloatArray, first: IntArray, length: Fl
     return squares, kept, one, two, slope
 
 
+def some_of(problem: Problem, at: int, known: View | None, terms: IntArray) -> View:
+    """Some candidates alone, whitened by covariance `at`: of a view of all of them if there is one."""
+    return known.only(terms) if known else View.of(problem.only(terms.tolist()), at)
+
+
 def ranked(view: View, y: FloatArray, chosen: Sequence[int]) -> Scores:
     """Score all candidates beside the `chosen`, but for the scatter of single rows, which takes the most time."""
     taken = view.taken(chosen)
@@ -371,11 +370,6 @@ def _scatter(found: Blocks, left: FloatArray, variance: FloatArray) -> FloatArra
         own = rest**2 / np.maximum(1.0 - leverage, 0.2)
         out[j] = float(leverage @ own) / found.rank[j] / variance[j]
     return np.asarray(np.maximum(out, 1.0))
-
-
-def _stretches(n: int) -> list[slice]:
-    """Rows a few at a time, so that they stay in the cache while they are used."""
-    return [slice(first, first + AT_ONCE) for first in range(0, n, AT_ONCE)]
 
 
 def _scaled(squares: FloatArray, length: FloatArray, at: IntArray) -> FloatArray:

@@ -168,7 +168,7 @@ class Together(TableJudge):
                 seed=1 + at,
                 without=without,
                 beside=beside,
-                scatter=None if rival == "slow" else View.of(self._of_common.problem, at),
+                scatter=None if rival == "slow" else View.of(self._of_common.problem, at).only,
                 simulated=self._of_common,
             )
         return self.families[at, rival]
