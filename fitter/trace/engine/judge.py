@@ -44,7 +44,7 @@ beside the other, one of them by this factor more, because of the number of tria
 ALIKE = 4.0
 """Difference of twice the log-likelihood up to which the order of the catalogue decides."""
 WALKS: tuple[Rivalry, ...] = ("fast", "slow")
-"""What an effect ahead of every slow walk is held against: noise of short memory, and such walks."""
+"""Rivals of an effect that is ahead of every slow walk: noise of short memory, and such walks."""
 SHAPES = ("kink", "clip", "square-root")
 """Kinds of curves that are not named after a power where they are more probable than it."""
 
