@@ -6,13 +6,15 @@ class made of `Kind` (docs/how_to/kinds.md):
     [project.entry-points."rig.kinds"]
     pitch-roll = "rig.procedures.attitude.kind:KIND"
 
-Methods contain their imports: few commands need the fitter, and the others should not wait for it.
+Few commands need the fitter, and the others should not wait for it: a member that is a function of the kind's package
+is declared with `lazily`, and other methods contain their imports.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -96,6 +98,27 @@ class Completed(Protocol):
 
     def completed(self, texts: Mapping[str, str]) -> dict[str, Any] | None:
         """Values of its file with all it needs, from the texts of the files; None if it has all. Raises ValueError."""
+
+
+class _Lazy:
+    def __init__(self, place: str) -> None:
+        self._module, _, self._name = place.partition(":")
+
+    def __set_name__(self, owner: type[Kind], name: str) -> None:
+        self._package = owner.__module__.rpartition(".")[0]
+
+    def __get__(self, kind: Kind | None, owner: type[Kind]) -> Any:
+        return getattr(import_module(f"{self._package}.{self._module}"), self._name)
+
+
+def lazily(place: str) -> Any:
+    """A member of a kind that stands in another module of its package, imported when it is asked for.
+
+    Args:
+        place: "module:name", in the package of the kind; the name is a function with the arguments of the method of
+            `Kind`, or what the property of `Kind` gives.
+    """
+    return _Lazy(place)
 
 
 class Kind(ABC):

@@ -56,6 +56,12 @@ def advise(
     return (*own, *advise_package(package, within, roll=points.roll), _pads(case))
 
 
+def advice(procedure: PitchRollProcedure, axes: Sequence[str], usage_deg: float | None) -> list[Advice]:
+    """The recommendations of NASA/TP-1999-209835 that apply to a procedure and sensors along these axes."""
+    found = advise(procedure, usage_of(procedure, usage_deg), package_of(procedure, axes))
+    return [one for one in found if one.applies]
+
+
 def usage_of(procedure: PitchRollProcedure, pitch_deg: float | None = None) -> Usage | None:
     """The range of use in a procedure, or pitch from minus to plus `pitch_deg`; None if neither is given."""
     half, roll = procedure.usage.pitch_deg if pitch_deg is None else pitch_deg, procedure.usage.roll_deg

@@ -115,9 +115,6 @@ class AttitudeCharting(Charting):
         )
 
 
-CHARTING = AttitudeCharting()
-
-
 def _corrected(sensors: Mapping[str, Calibrated]) -> bool:
     return all(sensor.warmth is not None for sensor in sensors.values())
 

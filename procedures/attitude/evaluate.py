@@ -22,7 +22,8 @@ from rig.procedures.attitude.infer import AttitudeCalibration
 from rig.procedures.attitude.infer.traced import calibrate_traced, covering_parameters
 from rig.procedures.attitude.rows import effect_figures, parameter_rows
 from rig.procedures.attitude.shown import show_attitude_trace
-from rig.procedures.attitude.table import KNOWN, UNIT, attitude_data
+from rig.procedures.attitude.table import attitude_data
+from rig.procedures.attitude.table import unused as unused_columns
 from rig.procedures.attitude.trace import FoundEffect, SensorTrace, Trace, trace
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.catalogue import with_own
@@ -31,7 +32,6 @@ from rig.procedures.evaluate.results import Page
 from rig.procedures.present.blocks import Block
 from rig.procedures.present.words import doubts_of, noise_of, part, verdict
 from rig.procedures.tables.table import Table
-from rig.procedures.tables.unused import unused_in_fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class AttitudeTraced:
         """JSON values for `rig trace --json`."""
         data = {**self.trace.about, "simulated": self.table.simulated, **self.table.provenance}
         data["file"] = self.table.source
-        unused = unused_in_fit(self.table, KNOWN, UNIT).to_json()
+        unused = unused_columns(self.table).to_json()
         return run_json(data, self.outcomes, reference=self.trace.reference, unused=unused)
 
     @cached_property

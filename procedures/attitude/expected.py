@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.procedures.attitude.infer import AttitudeCalibration
 from rig.procedures.attitude.model import attitude_columns, mounting_matrix
-from rig.procedures.plan.expected import Columns, Expected
+from rig.procedures.plan.expected import Columns, Expected, Expecting
 
 PITCH, ROLL, SENSOR = "pitch_deg", "roll_deg", "sensor_temperature_degC"
 _TO_GRAVITY = np.array([1.0, -1.0, -1.0])
+
+
+def expecting(calibration: AttitudeCalibration) -> Expecting:
+    """Expected readings of the sensors of a bench, for `rig.procedures.kind.Kind.expecting`."""
+    return partial(expected, calibration)
 
 
 def expected(calibration: AttitudeCalibration, columns: Columns, mounting: Mapping[str, float]) -> dict[str, Expected]:
@@ -37,16 +44,15 @@ def expected(calibration: AttitudeCalibration, columns: Columns, mounting: Mappi
     return found
 
 
-def model_columns(columns: Columns, *, temperature: bool) -> FloatArray | None:
+def model_columns(columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
     """(n, k) columns of the declared model; None if pitch and roll are unknown.
 
     A turned mounting changes the coefficients, not the span of the columns, so residuals do not depend on it. With
-    `temperature` offset and sensitivity depend on the sensors' temperature: every column is repeated, times
-    temperature.
+    temperature in the declared model every column is repeated, times the sensors' temperature.
     """
     if PITCH not in columns or ROLL not in columns:
         return None
     found = attitude_columns(columns[PITCH], columns[ROLL])
-    if temperature and SENSOR in columns:
+    if declared.get("temperature") and SENSOR in columns:
         found = np.column_stack([found, found * (columns[SENSOR] - np.nanmean(columns[SENSOR]))[:, None]])
     return found

@@ -16,14 +16,14 @@ from rig.procedures.attitude.fit import AttitudeFit, at_temperature, fit_all
 from rig.procedures.attitude.gross import of_attitude
 from rig.procedures.attitude.infer.traced import Volts, calibrate_traced, covering_parameters
 from rig.procedures.attitude.shown import show_attitude_fit, show_attitude_fit_in_short
-from rig.procedures.attitude.table import KNOWN, UNIT, attitude_data
+from rig.procedures.attitude.table import attitude_data
+from rig.procedures.attitude.table import unused as unused_columns
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.catalogue import with_own
 from rig.procedures.evaluate.fit_in_short import MANY
 from rig.procedures.evaluate.left_out import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.procedures.evaluate.results import PlainFitted
 from rig.procedures.present.blocks import Block, headline
-from rig.procedures.tables.unused import unused_in_fit
 
 if TYPE_CHECKING:
     from rig.fitter.arrays import FloatArray
@@ -110,7 +110,7 @@ def fit_attitude_table(
         },
         "kept": {name: _kept(calibration, name, effects, fits[name]) for name in calibration.names} if effects else {},
         "calibration": calibration.to_dict() | kept_with(searched),
-        "unused": unused_in_fit(table, KNOWN, UNIT).to_json(),
+        "unused": unused_columns(table).to_json(),
     }
 
 

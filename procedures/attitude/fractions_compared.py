@@ -22,12 +22,12 @@ from rig.procedures.attitude.fitted import with_temperature
 from rig.procedures.attitude.fraction_advice import advised, sentence, settings
 from rig.procedures.attitude.fractions import FAMILY, TUMBLE, Cell, MeasuredGrid, PartFit, fit_part
 from rig.procedures.attitude.model import sigma_deg
-from rig.procedures.attitude.table import KNOWN, UNIT, attitude_data
+from rig.procedures.attitude.table import attitude_data
+from rig.procedures.attitude.table import unused as unused_columns
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.results import PlainFitted
 from rig.procedures.present.blocks import Block
 from rig.procedures.tables.table import Table
-from rig.procedures.tables.unused import unused_in_fit
 
 _DESIGN_T = ("T", "T6", "T4")
 
@@ -110,7 +110,7 @@ def compare_fractions(table: Table, which: str, *, temperature: bool | None = No
             "sentence": sentence(full, chosen),
             "procedure": settings(chosen),
         },
-        "unused": unused_in_fit(table, KNOWN, UNIT).to_json(),
+        "unused": unused_columns(table).to_json(),
     }
 
 

@@ -14,6 +14,7 @@ from rig.procedures.column_names import came_from
 from rig.procedures.errors import DataError
 from rig.procedures.tables.table import Table
 from rig.procedures.tables.table_checks import check_units, integers, order_of
+from rig.procedures.tables.unused import Unused, unused_in_fit
 
 PITCH_ROLL = ("replicate", "order", "elapsed_s", "pitch_deg", "roll_deg", "sensor_temperature_degC")
 """Columns of every pitch-roll table, in addition to one `NAME_V` for each sensor."""
@@ -28,6 +29,11 @@ FROM = (came_from("pitch_deg"), came_from("roll_deg"))
 KNOWN = (*PITCH_ROLL, *_OPTIONAL, *MOUNTING, *FROM)
 """Used columns, in addition to the outputs in `UNIT`."""
 UNIT = "V"
+
+
+def unused(table: Table) -> Unused:
+    """Columns of a table that fits and traces do not use."""
+    return unused_in_fit(table, KNOWN, UNIT)
 
 
 def attitude_data(table: Table) -> AttitudeData:

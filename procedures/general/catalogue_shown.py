@@ -10,6 +10,11 @@ from rig.procedures.present.catalogue_table import once
 from rig.procedures.present.markdown import table
 
 
+def explained(topic: str) -> str:
+    """The catalogue for `rig explain effects`, the standard models for `rig explain models`."""
+    return {"effects": catalogue, "models": models}[topic]()
+
+
 def catalogue() -> str:
     """Kinds of effects; *a* and *b* stand for columns of a table."""
     words, first = {"y": "the response"}, dict[str, str]()

@@ -194,6 +194,3 @@ class GeneralCharting(Charting):
                 *(["the calibrations' whole plots are taken to be of one design"] if plots else []),
             ],
         )
-
-
-CHARTING = GeneralCharting()

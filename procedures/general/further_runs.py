@@ -9,7 +9,7 @@ from typing import Any
 from rig.procedures.general.design import MOST_POINTS
 from rig.procedures.general.factors import RANDOM, UP_DOWN
 from rig.procedures.general.settings import GeneralProcedure
-from rig.procedures.plan.further_runs import Variation
+from rig.procedures.plan.further_runs import Limits, Variation
 from rig.procedures.plan.settings import Varies
 
 _LONGER, _SHORTEST_S, _LONGEST_S = 4.0, 30.0, 1800.0
@@ -20,8 +20,8 @@ LEAST_LEVELS = 3
 Values = dict[str, Any]
 
 
-def further_runs(first: GeneralProcedure) -> Iterator[Variation]:
-    """Runs after `first`, each kind from the smallest to the largest."""
+def further_runs(first: GeneralProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
+    """Runs after `first` on any bench, each kind from the smallest to the largest."""
     for what, varies, changes in _kinds(first):
         for times in sorted({1, first.replications, 2 * first.replications}):
             named = {"name": _named(first.name, what), "seed": first.seed + 1, "replications": times}

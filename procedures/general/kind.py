@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.general.options import BudgetOptions, FitOptions, InferOptions, TraceOptions
-from rig.procedures.kind import Kind
+from rig.procedures.kind import Kind, lazily
 
 if TYPE_CHECKING:
     from rig.fitter.arrays import FloatArray
     from rig.fitter.effects.history import Laboratory
-    from rig.fitter.effects.own import Grammar
-    from rig.procedures.evaluate.acceptance import Verdict
-    from rig.procedures.evaluate.budgeting import Evaluation, Expected
-    from rig.procedures.evaluate.charting import Charting
+    from rig.procedures.evaluate.budgeting import Evaluation
     from rig.procedures.evaluate.confirming import Confirming
     from rig.procedures.evaluate.inference import Inference
     from rig.procedures.evaluate.results import Fitted, Options, Source, Traced
@@ -26,12 +23,7 @@ if TYPE_CHECKING:
     from rig.procedures.general.of_runs import RunTraced
     from rig.procedures.general.settings import GeneralProcedure
     from rig.procedures.plan.advice import Advice
-    from rig.procedures.plan.expected import Columns
-    from rig.procedures.plan.further_runs import Limits, Variation
-    from rig.procedures.plan.precision import Precision
-    from rig.procedures.plan.run_list import RunList
     from rig.procedures.tables.table import Reader, Table
-    from rig.procedures.tables.unknown_table import UnknownTable
     from rig.procedures.tables.within import Within
 
 
@@ -41,32 +33,25 @@ class GeneralKind(Kind):
     name = "general"
     title = "any table"
     fit_options, trace_options, infer_options = FitOptions, TraceOptions, InferOptions
+    budget_options = BudgetOptions
+    settings = lazily("settings:GeneralProcedure")
+    own_effects = lazily("effects.own:GRAMMAR")
+    explained = lazily("catalogue_shown:explained")
+    look = lazily("likely:likely")
+    expected = lazily("planned:expected_run")
+    model_columns = lazily("planning:model_columns")
+    check_design = lazily("planning:check_declared")
+    precision = lazily("planning:precision")
+    judge = lazily("acceptance:judge")
+    charting = lazily("charting:GeneralCharting")
+    cannot_confirm = lazily("confirming:cannot_confirm")
+    further_runs = lazily("further_runs:further_runs")
     asked_by = frozenset({"response"})
     in_use = (
         "the response's column; the fitted curve is inverted where it rises or falls all the way, or in the range "
         "stated with --between"
     )
     described = "any other table is fitted with --response and --formula"
-
-    @property
-    def settings(self) -> type[GeneralProcedure]:
-        """The model of procedure files, whose instances are a `Procedure`; None if the kind has no runs on a bench."""
-        from rig.procedures.general.settings import GeneralProcedure  # noqa: PLC0415
-
-        return GeneralProcedure
-
-    @property
-    def own_effects(self) -> Grammar:
-        """Grammar of a laboratory's own effects; None if they are not possible."""
-        from rig.procedures.general.effects.own import GRAMMAR  # noqa: PLC0415
-
-        return GRAMMAR
-
-    def explained(self, topic: str) -> str:
-        """Markdown for `rig explain effects` (its catalogue) and `rig explain models`; "" for none."""
-        from rig.procedures.general import catalogue_shown  # noqa: PLC0415
-
-        return {"effects": catalogue_shown.catalogue, "models": catalogue_shown.models}[topic]()
 
     def fit(
         self, source: Source, options: FitOptions, *, leave_out: Sequence[str], own: Laboratory, keep: bool
@@ -136,11 +121,6 @@ class GeneralKind(Kind):
 
         return general_evaluation(table, at, traced=options.traced, ignore=_names(options.ignore))
 
-    @property
-    def budget_options(self) -> type[BudgetOptions]:
-        """Options of `rig budget` for this kind only."""
-        return BudgetOptions
-
     def trace(self, source: Source, options: TraceOptions, *, own: Laboratory) -> Traced:
         """Find effects missing in the declared model; arguments and errors as for `fit`."""
         read: Reader = source.read
@@ -175,12 +155,6 @@ class GeneralKind(Kind):
             own=own,
         )
         return trace_general_table(read, roles)
-
-    def look(self, source: Source, table: Table) -> UnknownTable | None:
-        """Likely roles of the columns of a table that nobody has described, and options to begin with."""
-        from rig.procedures.general.likely import likely  # noqa: PLC0415
-
-        return likely(source, table)
 
     def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration | Mapping[str, CurveCalibration]:
         """For one response, or for every sensor of a run by its output."""
@@ -236,36 +210,12 @@ class GeneralKind(Kind):
 
         return infer_general(calibration, read, options.u_reading, options.quantity, options.between)
 
-    def check_design(self, procedure: GeneralProcedure, run_list: RunList) -> None:
-        """Check that the design can estimate the declared models."""
-        from rig.procedures.general.planning import check_declared  # noqa: PLC0415
-
-        check_declared(procedure, run_list)
-
-    def precision(self, procedure: GeneralProcedure, run_list: RunList) -> Precision:
-        """Precision of every coefficient and of the fitted value."""
-        from rig.procedures.general.planning import precision  # noqa: PLC0415
-
-        return precision(procedure, run_list)
-
-    def expected(self, procedure: GeneralProcedure, run_list: RunList, sensors: Mapping[str, str]) -> Expected:
-        """A run as it is planned, for a forecast of total uncertainties."""
-        from rig.procedures.general.planned import expected_run  # noqa: PLC0415
-
-        return expected_run(procedure, run_list, sensors)
-
     def advice(self, procedure: GeneralProcedure, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
         """Confounded terms and effects, and errors without degrees of freedom."""
         super().advice(procedure, axes, usage_deg)
         from rig.procedures.general.planning import advice  # noqa: PLC0415
 
         return advice(procedure)
-
-    def judge(self, procedure: GeneralProcedure, table: Table) -> Sequence[Verdict]:
-        """By the standard error of one observation."""
-        from rig.procedures.general.acceptance import judge  # noqa: PLC0415
-
-        return judge(procedure, table)
 
     def confirming(self, traced: GeneralTraced | RunTraced) -> Confirming | None:
         """A run that it traced, as the first of two; None if no further run is possible."""
@@ -274,39 +224,10 @@ class GeneralKind(Kind):
 
         return GeneralConfirming(traced) if isinstance(traced, RunTraced) else None
 
-    def cannot_confirm(self, table: Table, options: TraceOptions) -> str:
-        """Why no further run can confirm the findings in a run, and what to do instead; "" where one can."""
-        from rig.procedures.general.confirming import cannot_confirm  # noqa: PLC0415
-
-        return cannot_confirm(table, options)
-
-    def further_runs(self, procedure: GeneralProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
-        """Runs to follow a procedure, grouped by what they change, each group from the smallest to the largest."""
-        from rig.procedures.general.further_runs import further_runs  # noqa: PLC0415
-
-        return further_runs(procedure)
-
     def declared_of(self, declared: Mapping[str, Any], sensor: str) -> Mapping[str, Any]:
         """Its own `[model.NAME]`, or that of all sensors."""
         own = declared.get(sensor)
         return own if isinstance(own, Mapping) else declared
-
-    def model_columns(self, columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
-        """Columns of the declared model, for the residuals of a running run."""
-        from rig.fitter.formula import Formula  # noqa: PLC0415
-
-        if not declared.get("formula") or declared.get("start"):
-            return None
-        formula = Formula.parse(str(declared["formula"]))
-        if formula.has_categories or not set(formula.names) <= columns.keys():
-            return None
-        return formula.columns(columns)[1]
-
-    def charting(self) -> Charting:
-        """Control charts of its sensors. Raises `DataError` if there are none."""
-        from rig.procedures.general.charting import CHARTING  # noqa: PLC0415
-
-        return CHARTING
 
 
 _OF_RUNS = {"response", "formula"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from rig.procedures.general.models.units import unit_in
 from rig.procedures.general.settings import GeneralProcedure
 from rig.procedures.general.swept import swept
 from rig.procedures.plan.advice import Advice
+from rig.procedures.plan.expected import Columns
 from rig.procedures.plan.precision import Precision
 from rig.procedures.plan.run_list import RunList
 
@@ -249,3 +251,13 @@ def _of_nothing(procedure: GeneralProcedure, run_list: RunList) -> Iterator[str]
             f"calibrations hold at its mean, {sum(values) / len(values):.4g} {unit_in(factor.name)}; "
             f"`+ {factor.name}` in model.formula estimates that on the offset{of_slope}"
         )
+
+
+def model_columns(columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
+    """Columns of the declared model, for the residuals of a running run."""
+    if not declared.get("formula") or declared.get("start"):
+        return None
+    formula = Formula.parse(str(declared["formula"]))
+    if formula.has_categories or not set(formula.names) <= columns.keys():
+        return None
+    return formula.columns(columns)[1]

@@ -133,6 +133,3 @@ class PressureCharting(Charting):
             usage_words=f"0 to {charted.highest_psia:g} psia at {sensor:.3g} degC (sensor) and {sse:.3g} degC (SSE)",
             interval=charted.interval_psi,
         )
-
-
-CHARTING = PressureCharting()

@@ -25,11 +25,10 @@ from rig.procedures.pressure.fitted import Declared, alive
 from rig.procedures.pressure.shown import (
     show_whole_plot_trace,
 )
-from rig.procedures.pressure.table import KNOWN, UNIT
+from rig.procedures.pressure.table import unused as unused_columns
 from rig.procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace, trace_whole_plots
 from rig.procedures.tables.file_rows import rows_of_file
 from rig.procedures.tables.table import Table
-from rig.procedures.tables.unused import unused_in_fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +53,7 @@ class WholePlotTraced:
         """JSON values for `rig trace --json`."""
         data = {**self.trace.about, "simulated": self.table.simulated, **self.table.provenance}
         data |= {"file": self.table.source, "model": self.declared.to_dict()}
-        beside = {"left_out": dict(self.dead), "unused": unused_in_fit(self.table, KNOWN, UNIT).to_json()}
+        beside = {"left_out": dict(self.dead), "unused": unused_columns(self.table).to_json()}
         return run_json(data, self.outcomes, reference=self.trace.reference, **beside)
 
     def blocks(self) -> Iterator[Block]:

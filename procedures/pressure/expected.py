@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.formula import Formula
-from rig.procedures.plan.expected import Columns, Expected
+from rig.procedures.plan.expected import Columns, Expected, Expecting
 from rig.procedures.pressure.fit import PressureCalibration, named_formula
 from rig.procedures.pressure.fit.models import FULL
 
@@ -16,6 +18,11 @@ PRESSURE = "pressure_psia"
 _VARIABLES = {"P": PRESSURE, "T_sensor": "sensor_temperature_degC", "T_SSE": "sse_temperature_degC"}
 _LARGEST = 1e60
 """Largest number accepted in a run file; its fifth power is still a double."""
+
+
+def expecting(calibration: Mapping[str, PressureCalibration]) -> Expecting:
+    """Expected readings of the sensors of a bench, for `rig.procedures.kind.Kind.expecting`."""
+    return partial(expected, calibration)
 
 
 def expected(
@@ -36,7 +43,7 @@ def _expected(one: PressureCalibration, columns: Columns) -> Expected:
     return Expected(rows @ one.coefficients, one.errors.subplot_sd(columns[PRESSURE]), shared, max(1.0, df), 1)
 
 
-def model_columns(columns: Columns) -> FloatArray | None:
+def model_columns(columns: Columns, declared: Mapping[str, Any]) -> FloatArray | None:
     """(n, k) columns of the full second order; NaN as in `_rows`; None if pressure or a temperature is unknown."""
     if any(name not in columns for name in _VARIABLES.values()):
         return None

@@ -20,10 +20,10 @@ from rig.procedures.pressure.fit.methods import METHOD
 from rig.procedures.pressure.fit.models import ONE_TEMPERATURE, coefficient_unit, usual
 from rig.procedures.pressure.gross import of_whole_plots
 from rig.procedures.pressure.shown import show_whole_plot_fit, show_whole_plot_fit_in_short
-from rig.procedures.pressure.table import KNOWN, UNIT, whole_plot_data
+from rig.procedures.pressure.table import unused as unused_columns
+from rig.procedures.pressure.table import whole_plot_data
 from rig.procedures.pressure.words import HOLD_AT
 from rig.procedures.tables.file_rows import rows_of_file
-from rig.procedures.tables.unused import unused_in_fit
 
 if TYPE_CHECKING:
     from rig.fitter.arrays import IntArray
@@ -124,7 +124,7 @@ class WholePlotFitted:
         points["coefficients_hold_at"] = HOLD_AT
         data = {**points, "kind": "whole-plot", "simulated": table.simulated, **table.provenance}
         alone = next(iter(sensors.values())) if len(sensors) == 1 else {}
-        unused = unused_in_fit(table, KNOWN, UNIT).to_json()
+        unused = unused_columns(table).to_json()
         return {**alone, "data": data, "sensors": sensors, "left_out": dict(self.dead), "unused": unused}
 
     def blocks(self) -> Iterator[Block]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 
-from rig.procedures.plan.further_runs import Variation
+from rig.procedures.plan.further_runs import Limits, Variation
 from rig.procedures.plan.settings import Varies
 from rig.procedures.pressure.settings import WholePlotProcedure
 
 
-def further_runs(first: WholePlotProcedure) -> Iterator[Variation]:
-    """Runs after `first`: the temperatures of the design, some or all of them, with other pressures."""
+def further_runs(first: WholePlotProcedure, limits: Limits, *, chamber: bool) -> Iterator[Variation]:
+    """Runs after `first`, on any bench: the temperatures of the design, some or all of them, with other pressures."""
     pressures = sorted(first.design.pressures_psia)
     between = [round((low + high) / 2, 6) for low, high in itertools.pairwise(pressures)]
     kinds: tuple[tuple[str, Varies, Sequence[float], Sequence[float]], ...] = (

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
+from rig.fitter.errors import FitError
 from rig.fitter.split_plot import SplitPlotDesign, plan_precision
 from rig.procedures.evaluate.budgeting import Expected
 from rig.procedures.plan.precision import Precision, source_of
@@ -25,7 +26,10 @@ def precision(procedure: WholePlotProcedure, run_list: RunList) -> Precision:
     whole_plot = np.array([p.whole_plot for p in run_list.points])
     formula = named_formula(procedure.declared_model)
     names, columns = coded_columns(procedure, run_list)
-    found = plan_precision(columns, whole_plot, expect.sigma_wholeplot_mV, expect.sigma_subplot_mV, names)
+    try:
+        found = plan_precision(columns, whole_plot, expect.sigma_wholeplot_mV, expect.sigma_subplot_mV, names)
+    except FitError as error:
+        raise FitError(f"{error}; or plan a smaller model ([model] formula)") from error
     sensitivity = expect.sensitivity_mV_per_psi
     rows = [
         {

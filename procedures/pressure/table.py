@@ -13,6 +13,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.tables.table import Table
 from rig.procedures.tables.table_checks import check_units, integers, order_of
+from rig.procedures.tables.unused import Unused, unused_in_fit
 
 WHOLE_PLOT = (
     "whole_plot",
@@ -46,6 +47,11 @@ SIDE = "pressure_side"
 KNOWN = (*WHOLE_PLOT, *_OPTIONAL, *_SETTINGS, FROM, SIDE)
 """Used columns, in addition to the outputs in `UNIT`."""
 UNIT = "mV"
+
+
+def unused(table: Table) -> Unused:
+    """Columns of a table that fits and traces do not use."""
+    return unused_in_fit(table, KNOWN, UNIT)
 
 
 def whole_plot_data(table: Table) -> WholePlotData:

@@ -135,7 +135,7 @@ def test_further_runs_are_procedures_that_differ_in_one_respect(tmp_path):
     files = written(tmp_path, MORE)
     first = parse_procedure(files[0].read_text(), "procedure.toml")
     assert isinstance(first, GeneralProcedure)
-    runs = list(further_runs(first))
+    runs = list(further_runs(first, {}, chamber=False))
     kinds = {run.what: run.procedure for run in runs}
     assert set(kinds) == {
         "the same again",
@@ -161,7 +161,7 @@ def test_a_loop_over_a_factor_in_random_order_excludes_no_run_in_that_order(tmp_
     swept = parse_procedure(files[0].read_text(), "procedure.toml")
     loop = SimpleNamespace(effect=SimpleNamespace(kind=HYSTERESIS, columns=("sign(force_side)", "force_kN")))
     questions = [SimpleNamespace(members=[SimpleNamespace(terms=[loop])])]
-    runs = {run.what: run for run in further_runs(swept)}
+    runs = {run.what: run for run in further_runs(swept, {}, chamber=False)}
     random = runs["settings in random order"].procedure
 
     def suits(what, first):

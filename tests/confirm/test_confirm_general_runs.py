@@ -51,7 +51,7 @@ def parsed(text):
 
 def test_a_step_before_every_whole_plot_is_one_before_every_one_of_the_further_run():
     first = parsed(FLOW + "".join(BLEED.format(number) for number in range(1, 7)))
-    runs = [run for run in further_runs(first) if run.what.startswith("water_degC between")]
+    runs = [run for run in further_runs(first, {}, chamber=False) if run.what.startswith("water_degC between")]
     assert [run.procedure.expand().whole_plots for run in runs] == [2, 4, 8]
     for run in runs:
         again = parsed(procedure_text(run.procedure, run.steps, routine=run.routine))
@@ -64,7 +64,7 @@ def test_all_points_to_choose_from_are_had_with_fewer_replications_and_their_ste
     first = parsed(
         FLOW.replace("[15, 25, 35]", "[10, 15, 20, 25, 30]") + "".join(BLEED.format(n) for n in range(1, 11))
     )
-    group = [run for run in further_runs(first) if run.what == "the same again"]
+    group = [run for run in further_runs(first, {}, chamber=False) if run.what == "the same again"]
     whole = GeneralConfirming(None).whole(group, 1)
     assert whole is not None
     assert [step.before_whole_plot for step in whole.procedure.by_hand] == [1, 2, 3, 4, 5]

@@ -15,7 +15,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.formula import Formula
 from rig.fitter.trace.engine.family import TableFamily
 from rig.procedures.errors import DataError
-from rig.procedures.general.charting import CHARTING
+from rig.procedures.general.charting import GeneralCharting
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.fit import fit_general
 from rig.procedures.general.gross import of_table
@@ -168,7 +168,7 @@ def test_which_variable_is_meant_is_asked_not_guessed(columns, quantity, said):
 def test_a_curve_over_several_variables_is_charted_where_its_coefficients_are_determined():
     rng = np.random.default_rng(4)
     fits = [of_two_variables(rng)[1] for _ in range(3)]
-    view = CHARTING.view(fits, np.array([0.0, 1.0, 2.0]), None)
+    view = GeneralCharting().view(fits, np.array([0.0, 1.0, 2.0]), None)
     assert view.usage_words == "flow_Lpm 5 to 50, water_degC 15 to 35"
     assert len(view.charted.names) == len(fits[0].coefficients)
     points = [

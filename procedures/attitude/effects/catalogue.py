@@ -71,8 +71,13 @@ CATALOGUE: tuple[Effect, ...] = (
 )
 
 
-def catalogue() -> str:
-    """Effects for `rig explain`, with the names of their columns in a run with two replications and an interruption."""
+def explained(topic: str) -> str:
+    """Effects for `rig explain effects`, "" for other topics.
+
+    With the names of their columns in a run with two replications and an interruption.
+    """
+    if topic != "effects":
+        return ""
     row, at = np.arange(288), np.arange(288.0)
     data = AttitudeData(
         replicate=1 + row // 144,

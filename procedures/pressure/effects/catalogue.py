@@ -77,8 +77,13 @@ PRESSURE_CATALOGUE: tuple[PressureEffect, ...] = (
 """Simplest and most usual cause first, as for the attitude sensors."""
 
 
-def catalogue() -> str:
-    """Effects for `rig explain`, with the names of their columns in six days of whole plots with an interruption."""
+def explained(topic: str) -> str:
+    """Effects for `rig explain effects`, "" for other topics.
+
+    With the names of their columns in six days of whole plots with an interruption.
+    """
+    if topic != "effects":
+        return ""
     row, at = np.arange(288), np.arange(288.0)
     data = WholePlotData(
         whole_plot=row // 24,
