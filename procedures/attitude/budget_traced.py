@@ -80,16 +80,13 @@ class TracedEvaluation(AttitudeEvaluation):
 
     def model_errors(self) -> Iterator[TypeA]:
         """The differences between causes that the data cannot separate, all of them equally likely."""
-        base = self.results.values
-        by_named: dict[str, list[tuple[str, FloatArray]]] = {}
-        for named, member, other in self._plain.alternatives:
-            model = Model(other, self._at, self._gravity)
-            own = np.array([one.coefficients[:4] for one in other.sensors])
-            values = model.values(own, self._model.readings, self._gravity)
-            if np.isfinite(values).all():
-                by_named.setdefault(named, []).append((member, values - base))
-        for named, members in by_named.items():
-            yield alike(named, members)
+        return alike((named, member, self._moved(other)) for named, member, other in self._plain.alternatives)
+
+    def _moved(self, other: AttitudeCalibration) -> FloatArray | None:
+        """(m,) how far the results by a calibration with another cause are away; None if it gives none."""
+        own = np.array([one.coefficients[:4] for one in other.sensors])
+        values = Model(other, self._at, self._gravity).values(own, self._model.readings, self._gravity)
+        return values - self.results.values if np.isfinite(values).all() else None
 
     def aside(self) -> Mapping[str, FloatArray]:
         """See `Evaluation`."""

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.confirm import CARRIED_ON, Confirmation, Later, Question
+from rig.fitter.confirm import CARRIED_ON, Confirmation, Later, Question, Together
 from rig.fitter.effects.entry import Entry
-from rig.fitter.effects.manual_changes import Done
 from rig.procedures.attitude.budget import AttitudeEvaluation
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.effects import CATALOGUE, Effect, separate
@@ -46,8 +45,6 @@ class AttitudeConfirming(Confirming):
     """A traced run of the package, as the first of two; errors are angles."""
 
     traced: AttitudeTraced
-    earlier: tuple[Later, ...] = ()
-    stands_degC: float | None = None
 
     unit = "deg"
     output_unit = "V"
@@ -64,9 +61,9 @@ class AttitudeConfirming(Confirming):
         """Observations of a later run. Raises `DataError`."""
         return attitude_data(table)
 
-    def beside(self, later: AttitudeData, after_s: float, done: Sequence[Done] = ()) -> AttitudeTogether:
-        """This run, the earlier further ones, and a later one with changes by a person. Raises `FitError`."""
-        return AttitudeTogether.of(self.found, self.data, [*self.earlier, Later(later, after_s, done)])
+    def together(self, later: Sequence[Later]) -> AttitudeTogether:
+        """This run and later ones. Raises `FitError`."""
+        return AttitudeTogether.of(self.found, self.data, later)
 
     @property
     def catalogue(self) -> Sequence[Entry]:
@@ -116,7 +113,7 @@ class AttitudeConfirming(Confirming):
 
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
-    ) -> list[AttitudeTogether]:
+    ) -> list[Together]:
         """With temperatures that repeat, or continue to fall; one course if no open question is of time or
         temperature.
         """
@@ -134,10 +131,6 @@ class AttitudeConfirming(Confirming):
     def hours(self, variation: Variation, run_list: RunList) -> float:
         """Bench time of a run, hours, from that of this run."""
         return (len(run_list) * _point_s(self.data, run_list) + self.settling_s(variation)) / 3600.0
-
-    def at_rest(self, degC: float | None) -> AttitudeConfirming:
-        """This run as one after which the enclosure stands at a setting."""
-        return replace(self, stands_degC=degC)
 
     def size(self, procedure: PitchRollProcedure) -> str:
         """Points and replications, for a table."""

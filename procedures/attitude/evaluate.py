@@ -21,14 +21,15 @@ from rig.procedures.attitude.fitted import effects_of, with_temperature
 from rig.procedures.attitude.infer import AttitudeCalibration
 from rig.procedures.attitude.infer.traced import calibrate_traced, covering_parameters
 from rig.procedures.attitude.rows import effect_figures, parameter_rows
-from rig.procedures.attitude.shown import show_attitude_trace
 from rig.procedures.attitude.table import attitude_data
 from rig.procedures.attitude.table import unused as unused_columns
 from rig.procedures.attitude.trace import FoundEffect, SensorTrace, Trace, trace
+from rig.procedures.attitude.words import little_help
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.catalogue import with_own
 from rig.procedures.evaluate.certificate import Change, Errors, certified, with_words
 from rig.procedures.evaluate.results import Page
+from rig.procedures.evaluate.trace_shown import in_full
 from rig.procedures.present.blocks import Block
 from rig.procedures.present.words import doubts_of, noise_of, part, verdict
 from rig.procedures.tables.table import Table
@@ -85,13 +86,13 @@ class AttitudeTraced:
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        return show_attitude_trace(self.table, self.to_json(), self.outcomes)
+        return in_full(self, little_help)
 
     def page(self) -> Page:
         """Its report."""
-        from rig.procedures.attitude.report import trace_page  # noqa: PLC0415 - plots take a second to import
+        from rig.procedures.attitude.report import page_of  # noqa: PLC0415 - plots take a second to import
 
-        return trace_page(self.table, self.data, self.trace, self.to_json(), self.outcomes)
+        return page_of(self)
 
     def depends_on(self, sensor: str) -> tuple[str, ...]:
         """Sentences about parameters whose value depends on the choice among several causes."""

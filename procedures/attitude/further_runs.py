@@ -11,7 +11,7 @@ import numpy as np
 from rig.procedures.attitude.designs import uniform
 from rig.procedures.attitude.model import mounting_matrix
 from rig.procedures.attitude.settings import DesignSettings, MountingSettings, PitchRollProcedure
-from rig.procedures.plan.further_runs import Limits, Variation
+from rig.procedures.plan.further_runs import Limits, Variation, named
 
 LEAST_PITCH, LEAST_ROLL = 9, 5
 """Minimum number of angles of a thinned design: fewer do not show a shape."""
@@ -80,7 +80,7 @@ def _sizes(what: str, whole: PitchRollProcedure, **more: Any) -> Iterator[Variat
     """A run with fewer points or replications and with all, the shortest first."""
     designs = {len(d.build()): d for d in _thinned(whole.design)}
     runs = [
-        whole.model_copy(update={"design": design, "replications": n, "name": _named(whole.name, what)})
+        whole.model_copy(update={"design": design, "replications": n, "name": named(whole.name, what)})
         for design in designs.values()
         for n in (1, 2, 4)
     ]
@@ -142,9 +142,3 @@ def _half_turn(angle: float) -> float:
     """Angle in (-180, 180], without rounding errors."""
     rounded = round(angle, 6) + 0.0
     return 180.0 if rounded <= -180.0 else rounded
-
-
-def _named(name: str, what: str) -> str:
-    """A name within a procedure's 80 characters, with the first run's shortened if necessary."""
-    room = 80 - len(what) - 2
-    return f"{name[:room]}: {what}" if room > 0 else what[:80]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,21 +10,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rig.fitter.rounding import with_error
-from rig.fitter.trace.outcome import Outcome, WithError
+from rig.fitter.trace.outcome import Outcome
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.parameters import NO_DIRECTION, SCALE, UNIT
 from rig.procedures.attitude.words import little_help
-from rig.procedures.evaluate.before_after import compared
-from rig.procedures.evaluate.front import front
 from rig.procedures.evaluate.results import Page
-from rig.procedures.present.effect_plots import drawn
-from rig.procedures.present.effects_report import effects_part
+from rig.procedures.evaluate.trace_page import trace_page
 from rig.procedures.present.pictures import BEFORE_AFTER, colour_scale, dress, legend_below, side_by_side
 
 if TYPE_CHECKING:
-    from rig.procedures.attitude.trace import SensorTrace, Trace
-    from rig.procedures.tables.table import Table
+    from rig.procedures.attitude.evaluate import AttitudeTraced
+    from rig.procedures.attitude.trace import SensorTrace
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -111,33 +107,21 @@ def residual_map(picture: Picture) -> Figure:
     return figure
 
 
-def trace_page(
-    table: Table, data: AttitudeData, trace: Trace, result: Mapping[str, Any], outcomes: Sequence[Outcome]
-) -> Page:
+def page_of(traced: AttitudeTraced) -> Page:
     """The report of a trace."""
-    sensors = [
-        _sensor(one, result["sensors"][one.sensor], _picture(data, trace.sensors[one.sensor])) for one in outcomes
-    ]
-    span_s = float(np.ptp(data.elapsed_s))
-    contents = {"front": front(outcomes, result["sensors"]), "sensors": sensors}
-    return Page("rig.procedures.attitude", "report.html.j2", table, span_s, result["unused"], contents)
+    data, found = traced.data, traced.trace.sensors
+    return trace_page(
+        traced,
+        "rig.procedures.attitude",
+        lambda name: _plots(name, _picture(data, found[name])),
+        float(np.ptp(data.elapsed_s)),
+        _of_sensor,
+    )
 
 
-def _sensor(outcome: Outcome, result: Mapping[str, Any], picture: Picture) -> dict[str, Any]:
-    name = outcome.sensor
-    return {
-        **result,
-        "name": name,
-        "rows": list(compared(outcome)),
-        "parameters": [
-            {"name": one.label, "before": _text(one.before), "after": _text(one.after)} for one in outcome.parameters
-        ],
-        "no_direction": NO_DIRECTION if "mx_V" in {one.name for one in outcome.parameters} else "",
-        **effects_part(result, drawn(outcome.figures)),
-        "little_help": little_help(result),
-        "notes": result.get("notes", []),
-        "plots": _plots(name, picture),
-    }
+def _of_sensor(outcome: Outcome, result: Mapping[str, Any]) -> dict[str, Any]:
+    no_direction = NO_DIRECTION if "mx_V" in {one.name for one in outcome.parameters} else ""
+    return {"no_direction": no_direction, "little_help": little_help(result)}
 
 
 def _picture(data: AttitudeData, found: SensorTrace) -> Picture:
@@ -172,7 +156,3 @@ def _plots(name: str, picture: Picture) -> list[dict[str, Any]]:
     if np.ptp(picture.roll_deg) > 0:
         plots.append({"alt": f"{name}: mean residual over pitch and roll", "figure": residual_map(picture)})
     return plots
-
-
-def _text(one: WithError | None) -> tuple[str, str]:
-    return ("-", "-") if one is None else with_error(one.value, one.stderr)

@@ -1,26 +1,22 @@
-"""Display of attitude calibrations and their traces on the command line."""
+"""Display of attitude calibrations on the command line."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
-from rig.fitter.rounding import with_error
 from rig.procedures.attitude.parameters import LABELS, NO_DIRECTION, shown
-from rig.procedures.attitude.words import little_help, misfit_in_words
-from rig.procedures.evaluate.before_after import compared
+from rig.procedures.attitude.words import misfit_in_words
 from rig.procedures.evaluate.fit_in_short import sensors_in_short
-from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, headline
-from rig.procedures.present.effects_shown import show_certificate, show_effect, show_unnamed
+from rig.procedures.present.blocks import Block, Grid, Line
 from rig.procedures.present.gross_shown import show_gross, show_left_out
 from rig.procedures.present.numbers import with_interval
-from rig.procedures.present.words import TESTS, significant, verdict_of
+from rig.procedures.present.words import TESTS, significant
 
 if TYPE_CHECKING:
-    from rig.fitter.trace.outcome import Outcome
-    from rig.procedures.tables.table import Table
+    pass
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> Iterator[Block]:
@@ -34,7 +30,7 @@ def show_attitude_fit(result: Mapping[str, Any]) -> Iterator[Block]:
                 f"{name}, kept with {', '.join(kept['effects']) or 'no effect'}", kept["parameters"]
             )
             yield Line(f"  {kept['at_degC_sentence']}")
-            yield from _say(kept["depends_on"])
+            yield from (Line(f"  [yellow]{escape(sentence)}[/]") for sentence in kept["depends_on"])
             lacks = kept["lack_of_fit"]
             widened = "; the intervals above hold that too" if lacks["model_error"] else ""
             style = "yellow" if widened or lacks["T_bias"] is None else "none"
@@ -66,11 +62,6 @@ def _lacks(result: Mapping[str, Any], name: str) -> bool:
     if kept is None:
         return any(significant(sensor, test) for test in TESTS)
     return kept["lack_of_fit"]["model_error"] is not None or kept["lack_of_fit"]["drifts"]
-
-
-def _say(sentences: Iterable[str]) -> Iterator[Block]:
-    for sentence in sentences:
-        yield Line(f"  [yellow]{escape(sentence)}[/]")
 
 
 def _show_sensor(name: str, sensor: Mapping[str, Any]) -> Iterator[Block]:
@@ -111,43 +102,6 @@ def _show_parameters_of(heading: str, parameters: Mapping[str, Any]) -> Iterator
     yield table
     if "mx_V" in rows:
         yield Line(f"  {NO_DIRECTION}")
-
-
-def show_attitude_trace(table: Table, result: Mapping[str, Any], outcomes: Sequence[Outcome]) -> Iterator[Block]:
-    """A short table per sensor: error before and after, and the effects found."""
-    yield headline(result["data"]["file"], table)
-    for outcome in outcomes:
-        name, sensor = outcome.sensor, result["sensors"][outcome.sensor]
-        yield Line(f"\n[bold]{name}[/] ({sensor['declared']}): [bold]{escape(verdict_of(sensor))}[/]", wrapped=True)
-        rows = [row for row in compared(outcome) if not row.in_reports]
-        grid = Grid(("", "before", "after"))
-        for row in rows:
-            grid.add_row(row.label, *map(_cell, (row.before, row.after), row.above))
-        yield grid
-        if any(any(row.above) for row in rows):
-            yield Line("  * above its 95 % limit", wrapped=True)
-        yield from _show_parameters(outcome)
-        yield from _say(sensor["depends_on"])
-        for effect in sensor["effects"]:
-            yield from show_effect(effect)
-        yield from show_unnamed(sensor)
-        for line in (*(one["sentence"] for one in sensor["refused"]), little_help(sensor)):
-            if line:
-                yield Paragraph(f"[yellow]{escape(line)}[/]", 2)
-        yield from show_certificate(sensor)
-
-
-def _cell(text: str, above: bool) -> str:
-    return f"[yellow]{text} *[/]" if above else text
-
-
-def _show_parameters(outcome: Outcome) -> Iterator[Block]:
-    table = Grid(("parameter", "before", "standard error", "after", "standard error"))
-    for one in outcome.parameters:
-        sides = (one.before or one.after, one.after)
-        table.add_row(one.label, *(text for side in sides for text in with_error(side.value, side.stderr)))
-    yield table
-    yield Line(f"  {outcome.more['at_degC_sentence']}")
 
 
 def degrees(value: float | None) -> str:

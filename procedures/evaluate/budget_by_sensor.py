@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Protocol
 
@@ -24,8 +24,19 @@ class Calibrated(Protocol):
         """Its output's column."""
 
     @property
+    def uses(self) -> Collection[str]:
+        """Columns that its calibration depends on: settings of its model, and its output."""
+
+    @property
+    def terms(self) -> Sequence[str]:
+        """Names of its coefficients."""
+
+    @property
     def fitted(self) -> FloatArray:
         """(k,) coefficients of its calibration."""
+
+    def coefficients(self, moved: Mapping[str, FloatArray]) -> FloatArray:
+        """(k,) coefficients with additions to columns that it uses."""
 
     @property
     def readings(self) -> FloatArray:
@@ -71,6 +82,23 @@ class EvaluationBySensor(Evaluation):
                 places = (end - sides.shape[1], ends[-1] - end)
                 yield line_of(one.name, np.pad(sides, ((0, 0), places)), np.pad(variance, places))
 
+    def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
+        """(k,) coefficients of the calibration by sensor, with additions to columns."""
+        found = {}
+        for one in self.each:
+            mine = {name: moved for name, moved in columns.items() if name in one.uses}
+            found[one.name] = one.coefficients(mine) if mine else one.fitted
+        return found
+
+    def at_rest(self) -> Mapping[str, FloatArray]:
+        """(n,) output of each observation by the model alone, by sensor."""
+        return super().modelled()
+
+    def modelled(self) -> Mapping[str, FloatArray]:
+        """(n,) output of each observation by the model, with all effects that it has or leaves out, by sensor."""
+        off = self.aside()
+        return {name: values + off.get(name, 0.0) for name, values in self.at_rest().items()}
+
     def inferred(self, output: str, readings: FloatArray) -> FloatArray:
         """(p,) inferred values of readings of one output at the points."""
         one = next(one for one in self.each if one.name == output)
@@ -100,6 +128,15 @@ class EvaluationBySensor(Evaluation):
         type_a = TypeA(together([p[0] for p in parts]), np.concatenate([p[1] for p in parts]), *self.scatter)
         at = [place for one in self.each for place in _places(one)]
         return Results(names, units, values, type_a, sensors, np.concatenate([p[2] for p in parts]), tuple(at))
+
+
+def difference(own: Calibrated, other: Calibrated) -> FloatArray:
+    """(m,) results of a sensor by another model, less its own; a coefficient that one of them has not differs by 0."""
+    theirs, kept = dict(zip(other.terms, other.fitted.tolist(), strict=True)), own.fitted.tolist()
+    coefficients = [theirs.get(name, value) - value for name, value in zip(own.terms, kept, strict=True)]
+    mine = own.values(own.fitted, own.readings)[len(kept) :]
+    found = other.values(other.fitted, own.readings)[len(theirs) :]
+    return np.concatenate([coefficients, found[: len(mine)] - mine])
 
 
 def _places(one: Calibrated) -> Iterator[Mapping[str, float]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -86,16 +86,21 @@ def together(parts: Sequence[FloatArray]) -> FloatArray:
     return found
 
 
-def alike(named: str, members: Sequence[tuple[str, FloatArray]]) -> TypeA:
-    """Model error of causes that data cannot separate: all equally likely, so the rms difference from the named one.
+def alike(others: Iterable[tuple[str, str, FloatArray | None]]) -> Iterator[TypeA]:
+    """Model errors of causes that data cannot separate: all equally likely, so the rms difference from the named one.
 
     Args:
-        named: the cause by which the results are.
-        members: the other causes, and (m,) how far the results by each are from these.
+        others: the cause by which the results are, another one that data cannot tell from it, and (m,) how far the
+            results by that one are from these; None if it gives none.
     """
-    covariance = np.sum([np.outer(moved, moved) for _, moved in members], axis=0) / (len(members) + 1)
-    names = " or ".join(member for member, _ in members)
-    return TypeA(covariance, np.inf, f"model: {named}, or {names}", "trace of the run", "B")
+    by_named: dict[str, list[tuple[str, FloatArray]]] = {}
+    for named, member, moved in others:
+        if moved is not None:
+            by_named.setdefault(named, []).append((member, moved))
+    for named, members in by_named.items():
+        covariance = np.sum([np.outer(moved, moved) for _, moved in members], axis=0) / (len(members) + 1)
+        names = " or ".join(member for member, _ in members)
+        yield TypeA(covariance, np.inf, f"model: {named}, or {names}", "trace of the run", "B")
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rig.fitter.arrays import IntArray
+from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.confirm import Confirmation, Later, Question, Together
 from rig.fitter.effects.entry import Entry
 from rig.fitter.effects.manual_changes import Done
@@ -26,29 +27,31 @@ SETTLED = ("confirmed", "replaced")
 """Verdicts that leave one explanation and confirm it."""
 
 
+@dataclass(frozen=True, eq=False)
 class Confirming(ABC):
     """A kind's knowledge of a traced run.
 
     Attributes:
         traced: the run.
         earlier: further runs that were already made.
+        stands_degC: setting at which the environment stands before a further run, so that it need not settle again;
+            None if it does not.
         unit: of what is inferred: errors are said in it.
         output_unit: of the outputs.
         per_slope: conversion of an error of the output over the slope to `unit`.
         drawn: unit of plots, and its number per `unit`.
         caution: note about the accuracy of expected standard errors between two explanations; "" if they are accurate.
-        stands_degC: setting at which the environment stands before a further run, so that it need not settle again;
-            None if it does not.
     """
 
     traced: Any
-    earlier: tuple[Later, ...]
-    unit: str
-    output_unit: str
-    per_slope: float
-    drawn: tuple[str, float]
-    caution = ""
+    earlier: tuple[Later, ...] = ()
     stands_degC: float | None = None
+
+    unit: ClassVar[str]
+    output_unit: ClassVar[str]
+    per_slope: ClassVar[float]
+    drawn: ClassVar[tuple[str, float]]
+    caution: ClassVar[str] = ""
 
     def unit_for(self, output: str) -> str:
         """Unit in which errors of one output are said."""
@@ -56,13 +59,11 @@ class Confirming(ABC):
 
     def after(self, earlier: Sequence[Later]) -> Self:
         """This run as one that comes after further ones."""
-        this: Any = self
-        after: Self = replace(this, earlier=tuple(earlier))
-        return after
+        return replace(self, earlier=tuple(earlier))
 
     def at_rest(self, degC: float | None) -> Self:
-        """This run as one after which the environment stands at a setting; kinds without an environment ignore it."""
-        return self
+        """This run as one after which the environment stands at a setting."""
+        return replace(self, stands_degC=degC)
 
     def settling_s(self, variation: Variation) -> float:
         """Time for which the environment settles before the first point of a further run, seconds."""
@@ -90,6 +91,9 @@ class Confirming(ABC):
         """Observations of a later run. Raises `DataError`."""
 
     @abstractmethod
+    def together(self, later: Sequence[Later]) -> Together:
+        """This run and later ones. Raises `FitError`."""
+
     def beside(self, later: Any, after_s: float, done: Sequence[Done] = ()) -> Together:
         """This run, the earlier further ones, and a later one with changes by a person. Raises `FitError`.
 
@@ -98,6 +102,7 @@ class Confirming(ABC):
             after_s: seconds from the begin of this run to its begin.
             done: changes, with masks over the later run's observations.
         """
+        return self.together([*self.earlier, Later(later, after_s, done)])
 
     @abstractmethod
     def ways(
@@ -128,10 +133,10 @@ class Confirming(ABC):
         """
         return True
 
-    counts: Sequence[int] = ()
+    counts: ClassVar[Sequence[int]] = ()
     """Numbers of units that are tried if a run's points are chosen, ascending."""
 
-    passes: Sequence[int] = (1,)
+    passes: ClassVar[Sequence[int]] = (1,)
     """Numbers of replications of chosen points that are tried."""
 
     def whole(self, group: Sequence[Variation], times: int) -> Variation | None:
@@ -218,6 +223,18 @@ class ConfirmedFit:
     def page(self) -> Page | None:
         """Its report; None if it has none."""
         return self.fitted.page()
+
+
+def times_s(elapsed_s: FloatArray, new: NDArray[np.bool_]) -> tuple[float, float]:
+    """Seconds between rows of one whole plot, and the additional time of a new one, by what a run took.
+
+    Args:
+        elapsed_s: (n,) in the order of the run.
+        new: (n - 1,) whether a new whole plot begins between two rows.
+    """
+    steps = np.diff(elapsed_s)
+    row = float(np.median(steps[~new])) if np.any(~new) else 0.0
+    return row, max(float(np.median(steps[new])) - row, 0.0) if np.any(new) else 0.0
 
 
 def in_words(points: int, replications: int) -> str:

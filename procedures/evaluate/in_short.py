@@ -10,7 +10,8 @@ from rich.markup import escape
 
 from rig.fitter.trace.outcome import OF_METHOD
 from rig.procedures.evaluate.front import firsts
-from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, headline
+from rig.procedures.evaluate.trace_shown import closing, opening
+from rig.procedures.present.blocks import Block, Grid, Paragraph
 from rig.procedures.present.joined import some
 from rig.procedures.present.words import chance, constants_of, instead, share, size_of, unnamed
 
@@ -26,11 +27,7 @@ if TYPE_CHECKING:
 def in_short(traced: Traced) -> Iterator[Block]:
     """The short form of a trace of any kind."""
     told = traced.to_json()
-    yield headline(told["data"]["file"], traced.table)
-    if isinstance(model := told["data"].get("model"), Mapping):
-        yield Line(escape(model["sentence"]))
-    for name, why in told.get("left_out", {}).items():
-        yield Line(f"[red]{escape(name)} is left out:[/] it {escape(why)}")
+    yield from opening(told, traced.table)
     sensors = told["sensors"]
     yield _errors(traced.outcomes)
     yield from _crowds(sensors)
@@ -42,12 +39,7 @@ def in_short(traced: Traced) -> Iterator[Block]:
             *(one["sentence"] for one in sensor.get("refused") or ()),
         ]
         yield from (Paragraph(f"[yellow]{escape(name)}: {escape(text)}[/]", 2) for text in rest if text)
-    for shared in told.get("common", ()):
-        yield Paragraph(escape(shared["sentence"]), 2)
-    if missing := told.get("not_traced"):
-        yield Paragraph(
-            f"not traced: {escape(', '.join(missing))}; a trace needs a model that is linear in its coefficients", 2
-        )
+    yield from closing(told)
     yield from _notes(sensors)
     yield from _once([line for one in sensors.values() for line in _next(one)])
 

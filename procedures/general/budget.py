@@ -74,11 +74,7 @@ class GeneralEvaluation(EvaluationBySensor):
 
     def residuals(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
         """(n,) residuals of the fit by sensor, with additions to columns; none where scatter needs no repeats."""
-        found = {}
-        for one in self._each:
-            uses = {*one.plain.formula.names, one.name}
-            found[one.name] = one.residuals({n: self.columns[n] + moved for n, moved in columns.items() if n in uses})
-        return found
+        return {one.name: one.residuals({n: v for n, v in columns.items() if n in one.uses}) for one in self._each}
 
     def stored(self) -> Any:
         """The calibration to use with these results, as JSON values, if it is not that of the fit; None if it is."""
@@ -147,8 +143,7 @@ class GeneralEvaluation(EvaluationBySensor):
     @cached_property
     def columns(self) -> Columns:
         """The recorded columns that it uses, corrected."""
-        used = {name for one in self._each for name in one.calibration.formula.names}
-        used |= {one.name for one in self._each}
+        used = {name for one in self._each for name in one.uses}
         return {name: values for name, values in self._table.columns.items() if name in used}
 
     @cached_property
@@ -161,12 +156,3 @@ class GeneralEvaluation(EvaluationBySensor):
     def replication(self) -> IntArray:
         """(n,) number of the replication of each observation, from 0."""
         return replication_of(self._table)
-
-    def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
-        """(k,) coefficients of the calibration by sensor, with additions to columns."""
-        found = {}
-        for one in self._each:
-            uses = {*one.calibration.formula.names, one.name}
-            mine = {n: self.columns[n] + moved for n, moved in columns.items() if n in uses}
-            found[one.name] = one.coefficients(mine) if mine else one.calibration.coefficients
-        return found

@@ -51,8 +51,14 @@ class Sensor:
     by_side: FloatArray | None = None
     abscissa: str | None = None
 
-    def _model(self, columns: Columns) -> Model:
-        table = replace(self.table, columns={**self.table.columns, **columns})
+    @property
+    def uses(self) -> set[str]:
+        """Columns that its calibration depends on: variables of its formula, and its output."""
+        return {*self.plain.formula.names, self.name}
+
+    def _model(self, moved: Columns) -> Model:
+        every = self.table.columns
+        table = replace(self.table, columns={**every, **{name: every[name] + more for name, more in moved.items()}})
         return model_of(self.declared, table, self.name, self.plots, None)
 
     @cached_property
@@ -75,9 +81,9 @@ class Sensor:
             one, covariance=ratio * one.covariance, variances=np.array([found.variance]), spread=spread, factor=factor
         )
 
-    def residuals(self, columns: Columns) -> FloatArray:
-        """(n,) residuals with other columns."""
-        rows = self._model(columns).rows
+    def residuals(self, moved: Columns) -> FloatArray:
+        """(n,) residuals with additions to columns."""
+        rows = self._model(moved).rows
         return np.asarray(rows.y - rows.values(rows.fitted()))
 
     @cached_property
@@ -123,9 +129,9 @@ class Sensor:
             found = off if found is None else found + off
         return None if found is None else (found @ self._jacobian.T, self.scatter()[2])
 
-    def coefficients(self, columns: Columns) -> FloatArray:
-        """(k,) coefficients with other columns."""
-        return np.asarray(self._model(columns).rows.fitted().coefficients)
+    def coefficients(self, moved: Columns) -> FloatArray:
+        """(k,) coefficients with additions to columns that it uses."""
+        return np.asarray(self._model(moved).rows.fitted().coefficients)
 
     @property
     def fitted(self) -> FloatArray:

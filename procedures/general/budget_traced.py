@@ -18,9 +18,9 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.budget import TypeA
 from rig.fitter.errors import FitError
 from rig.fitter.trace.outcome import Outcome
+from rig.procedures.evaluate.budget_by_sensor import difference
 from rig.procedures.evaluate.budgeting import NOT_COVERED, alike
 from rig.procedures.general.budget import GeneralEvaluation
-from rig.procedures.general.budget_sensor import Sensor
 from rig.procedures.general.of_runs import RunModels, recorded, trace_run
 from rig.procedures.general.traced import WithEffects, with_effects
 from rig.procedures.tables.table import Table
@@ -54,11 +54,6 @@ class TracedEvaluation(GeneralEvaluation):
         """Outcomes of the trace, if the model has its effects, and the kind has `grids`."""
         return self._found.outcomes
 
-    def modelled(self) -> Mapping[str, FloatArray]:
-        """See `Evaluation`."""
-        off = self.aside()
-        return {output: values + off.get(output, 0.0) for output, values in super().modelled().items()}
-
     def aside(self) -> Mapping[str, FloatArray]:
         """See `Evaluation`."""
         return {output: each.sum(axis=1) for output, each in self._found.off.items()}
@@ -85,7 +80,9 @@ class TracedEvaluation(GeneralEvaluation):
                 model = model.model_copy(update={"abscissa": own.variable})
             try:
                 (other,) = GeneralEvaluation(asked.table, self._points, {output: model}).each
-                moved[np.array(base.sensors) == output] = _difference(own, other)
+                if not other.has_points:
+                    raise FitError("the points do not give every variable of the other model")
+                moved[np.array(base.sensors) == output] = difference(own, other)
             except FitError:
                 moved[:] = np.nan
             found.append((output, named, member, moved if np.isfinite(moved).all() else None))
@@ -116,11 +113,7 @@ class TracedEvaluation(GeneralEvaluation):
 
     def model_errors(self) -> Iterator[TypeA]:
         """Differences between models that the run cannot separate, as covariances of the results."""
-        by_named: dict[str, list[tuple[str, FloatArray]]] = {}
-        for output, named, member, moved in self._moved:
-            if moved is not None:
-                by_named.setdefault(f"{output}, {named}", []).append((member, moved))
-        yield from (alike(named, members) for named, members in by_named.items())
+        return alike((f"{output}, {named}", member, moved) for output, named, member, moved in self._moved)
 
     def notes(self) -> Iterable[str]:
         """Sentences about the scatter."""
@@ -148,17 +141,3 @@ def _with_means(table: Table, at: Sequence[Mapping[str, float]]) -> list[Mapping
     """Points with the means of recorded quantities that they do not give."""
     means = {name: float(f"{table.columns[name].mean():.4g}") for name in recorded(table)}
     return [{**means, **one} for one in at]
-
-
-def _difference(own: Sensor, other: Sensor) -> FloatArray:
-    """(m,) results of a sensor by another model, less its own; a coefficient that one of them has not differs by 0."""
-    if not other.has_points:
-        raise FitError("the points do not give every variable of the other model")
-    theirs = dict(zip(other.terms, other.fitted.tolist(), strict=True))
-    kept = own.fitted.tolist()
-    coefficients = [theirs.get(name, value) - value for name, value in zip(own.terms, kept, strict=True)]
-    mine, found = own.values(own.fitted, own.readings), other.values(other.fitted, own.readings)
-    k, q, p = len(kept), len(theirs), len(own.readings)
-    outputs = found[q : q + p] - mine[k : k + p]
-    inferred = np.zeros(0) if own.variable is None else found[q + p :] - mine[k + p :]
-    return np.concatenate([coefficients, outputs, inferred])

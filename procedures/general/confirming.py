@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.confirm import Confirmation, Later, Question
+from rig.fitter.confirm import Confirmation, Later, Question, Together
 from rig.fitter.effects.entry import Entry
-from rig.fitter.effects.manual_changes import Done
 from rig.fitter.errors import FitError
 from rig.procedures.column_names import moves_of, read_at, spelled, unit_of, with_word
 from rig.procedures.errors import DataError
-from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit, Confirming, in_words
+from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit, Confirming, in_words, times_s
 from rig.procedures.general.effects.of_others import HYSTERESIS
 from rig.procedures.general.factors import RANDOM
 from rig.procedures.general.for_budgets import general_evaluation
@@ -73,8 +72,6 @@ class GeneralConfirming(Confirming):
     """A traced run of outputs, as the first of two. Errors are those of the outputs, in their own units."""
 
     traced: RunTraced
-    earlier: tuple[Later, ...] = ()
-    stands_degC: float | None = None
 
     per_slope = 1.0
     passes = 1, 2, 4
@@ -121,11 +118,10 @@ class GeneralConfirming(Confirming):
         """Observations of a later run. Raises `DataError`."""
         return Observations.of(table)
 
-    def beside(self, later: Observations, after_s: float, done: Sequence[Done] = ()) -> GeneralTogether:
-        """This run, the earlier further ones, and a later one with changes by a person. Raises `FitError`."""
+    def together(self, later: Sequence[Later]) -> GeneralTogether:
+        """This run and later ones. Raises `FitError`."""
         roles = {output: one.roles for output, one in self.traced.each.items()}
-        every = [*self.earlier, Later(later, after_s, done)]
-        return GeneralTogether.of(self.found.sensors, roles, self.data.table, every, self.found.remembered)
+        return GeneralTogether.of(self.found.sensors, roles, self.data.table, later, self.found.remembered)
 
     @cached_property
     def catalogue(self) -> Sequence[Entry]:
@@ -195,7 +191,7 @@ class GeneralConfirming(Confirming):
 
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
-    ) -> list[GeneralTogether]:
+    ) -> list[Together]:
         """One course: other quantities go on as in the first run."""
         done = [step.done([p.replication for p in run_list.points]) for step in variation.steps]
         return [self.beside(Observations.of(self._planned(run_list, variation.wait_s)), later_s, done)]
@@ -205,10 +201,6 @@ class GeneralConfirming(Confirming):
         point, soak = self._times_s
         settling = self.settling_s(variation)
         return (len(run_list) * (point + variation.wait_s) + run_list.whole_plots * soak + settling) / 3600.0
-
-    def at_rest(self, degC: float | None) -> GeneralConfirming:
-        """This run as one after which the environment stands at a setting."""
-        return replace(self, stands_degC=degC)
 
     def size(self, procedure: GeneralProcedure) -> str:
         """Points and replications, for a table."""
@@ -273,11 +265,8 @@ class GeneralConfirming(Confirming):
     @cached_property
     def _times_s(self) -> tuple[float, float]:
         """Seconds between rows of one whole plot, and the additional time of a new one."""
-        steps = np.diff(self.data.table.columns[TIME])
         plots = self.data.table.columns.get("whole_plot", np.zeros(len(self.data)))
-        new = np.diff(plots) != 0
-        point = float(np.median(steps[~new])) if np.any(~new) else 0.0
-        return point, max(float(np.median(steps[new])) - point, 0.0) if np.any(new) else 0.0
+        return times_s(self.data.table.columns[TIME], np.diff(plots) != 0)
 
     def _read_at(self, set_name: str, setting: FloatArray) -> Mapping[str, FloatArray]:
         """(n,) what a standard will read of a quantity that is set in another unit, by the first run."""

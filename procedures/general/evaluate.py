@@ -16,8 +16,8 @@ from rig.fitter.trace.outcome import Finding, Outcome, run_json
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.certificate import Change, Errors, certified, with_words
 from rig.procedures.evaluate.results import Page
+from rig.procedures.evaluate.trace_shown import in_full
 from rig.procedures.general.column_roles import Roles, parts_played, read_roles, used_columns, with_response
-from rig.procedures.general.shown import show_general_trace
 from rig.procedures.general.trace import FoundTableEffect, TableTrace, trace_general
 from rig.procedures.present.blocks import Block
 from rig.procedures.present.numbers import interval_text
@@ -63,14 +63,13 @@ class GeneralTraced:
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        return show_general_trace(self.to_json(), self.outcome)
+        return in_full(self)
 
     def page(self) -> Page:
         """Its report."""
-        from rig.procedures.general.report import trace_page  # noqa: PLC0415 - plots take a second to import
+        from rig.procedures.general.report import page_of  # noqa: PLC0415 - plots take a second to import
 
-        told = self.to_json()
-        return trace_page(self.table, told, {self.outcome.sensor: (self.trace, self.outcome)})
+        return page_of(self, {self.outcome.sensor: self.trace})
 
     @cached_property
     def outcome(self) -> Outcome:

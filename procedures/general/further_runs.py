@@ -9,7 +9,7 @@ from typing import Any
 from rig.procedures.general.design import MOST_POINTS
 from rig.procedures.general.factors import RANDOM, UP_DOWN
 from rig.procedures.general.settings import GeneralProcedure
-from rig.procedures.plan.further_runs import Limits, Variation
+from rig.procedures.plan.further_runs import Limits, Variation, named
 from rig.procedures.plan.settings import Varies
 
 _LONGER, _SHORTEST_S, _LONGEST_S = 4.0, 30.0, 1800.0
@@ -24,8 +24,8 @@ def further_runs(first: GeneralProcedure, limits: Limits, *, chamber: bool) -> I
     """Runs after `first` on any bench, each kind from the smallest to the largest."""
     for what, varies, changes in _kinds(first):
         for times in sorted({1, first.replications, 2 * first.replications}):
-            named = {"name": _named(first.name, what), "seed": first.seed + 1, "replications": times}
-            run = with_routine(GeneralProcedure.model_validate({**values_of(first), **changes, **named}), first)
+            own = {"name": named(first.name, what), "seed": first.seed + 1, "replications": times}
+            run = with_routine(GeneralProcedure.model_validate({**values_of(first), **changes, **own}), first)
             wait_s = run.settle.dwell_s - first.settle.dwell_s
             yield Variation(what, run, wait_s=wait_s, routine=True, varies=varies)
 
@@ -128,9 +128,3 @@ def between(levels: Sequence[float]) -> list[float]:
     ordered = sorted(levels)
     middles = ((low, high, (low + high) / 2.0) for low, high in itertools.pairwise(ordered))
     return [float(f"{middle:.12g}") for low, high, middle in middles if low < middle < high]
-
-
-def _named(name: str, what: str) -> str:
-    """A name within a procedure's 80 characters, with the first run's shortened if necessary."""
-    room = 80 - len(what) - 2
-    return f"{name[:room]}: {what}" if room > 0 else what[:80]

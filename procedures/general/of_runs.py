@@ -7,8 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from rich.markup import escape
-
 from rig.fitter.effects.history import NOTHING, Laboratory
 from rig.fitter.errors import FitError
 from rig.fitter.formula import Formula
@@ -17,14 +15,15 @@ from rig.fitter.trace.outcome import Outcome
 from rig.procedures.column_names import moves_of, read_at, split_unit
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.results import Page, PlainFitted
+from rig.procedures.evaluate.trace_shown import in_full
 from rig.procedures.general.column_roles import Roles
 from rig.procedures.general.common import Common, common_of
 from rig.procedures.general.declared import Declared
 from rig.procedures.general.evaluate import IGNORED, GeneralTraced, trace_general_table
 from rig.procedures.general.fit import fit_general
 from rig.procedures.general.model_settings import ModelSettings, SensorModel
-from rig.procedures.general.shown import show_general_fit, show_general_trace
-from rig.procedures.present.blocks import Block, Line, Paragraph
+from rig.procedures.general.shown import show_general_fit
+from rig.procedures.present.blocks import Block
 from rig.procedures.tables.moving import sentences
 from rig.procedures.tables.table import Reader, Table
 from rig.procedures.tables.unused import RECORDED
@@ -236,33 +235,16 @@ class RunTraced:
         return together | common | ({"not_traced": list(self.not_traced)} if self.not_traced else {})
 
     def blocks(self) -> Iterator[Block]:
-        """Blocks for people; what is so of every sensor stands once, after them."""
-        every = [(one.to_json(), one.outcome) for one in self.each.values()]
-        notes = [found["notes"] for told, _ in every for found in told["sensors"].values()]
-        of_all = [note for note in notes[0] if len(notes) > 1 and all(note in own for own in notes)]
-        for told, outcome in every:
-            own = {
-                name: found | {"notes": [note for note in found["notes"] if note not in of_all]}
-                for name, found in told["sensors"].items()
-            }
-            yield from show_general_trace(told | {"sensors": own}, outcome)
-        for note in of_all:
-            yield Paragraph(f"[dim]all sensors: {escape(note)}[/]", 2)
-        for shared in self.common:
-            yield Line(shared.sentence)
-        if self.not_traced:
-            yield Line(
-                f"not traced: {', '.join(self.not_traced)}; a trace needs a model that is linear in its coefficients, "
-                f"and the declared one is not"
-            )
+        """Blocks for people."""
+        return in_full(self)
 
     def page(self) -> Page:
         """The report of all sensors."""
-        from rig.procedures.general.report import trace_page  # noqa: PLC0415 - plots take a second to import
+        from rig.procedures.general.report import page_of  # noqa: PLC0415 - plots take a second to import
 
         common = [one.sentence for one in self.common]
-        each = {one.outcome.sensor: (one.trace, one.outcome) for one in self.each.values()}
-        return trace_page(self.table, self.to_json(), each, self.not_traced, common)
+        each = {one.outcome.sensor: one.trace for one in self.each.values()}
+        return page_of(self, each, not_traced=list(self.not_traced), common=common)
 
 
 def _unused_by_all(every: Sequence[Mapping[str, Any]], outputs: Collection[str]) -> dict[str, Any]:

@@ -11,17 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from rig.fitter.rounding import with_error
-from rig.procedures.evaluate.before_after import compared
-from rig.procedures.evaluate.front import front
 from rig.procedures.evaluate.results import Page
-from rig.procedures.present.effects_report import effects_part
+from rig.procedures.evaluate.trace_page import trace_page
 from rig.procedures.present.pictures import BEFORE_AFTER, dress, side_by_side
 
 if TYPE_CHECKING:
-    from rig.fitter.trace.outcome import Outcome
+    from rig.procedures.general.evaluate import GeneralTraced
+    from rig.procedures.general.of_runs import RunTraced
     from rig.procedures.general.trace import TableTrace
-    from rig.procedures.tables.table import Table
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -84,41 +81,18 @@ def _means(values: Array, residual: Array, *, each: bool = False) -> tuple[Array
 _PLOTS = 6
 
 
-def trace_page(
-    table: Table,
-    told: Mapping[str, Any],
-    each: Mapping[str, tuple[TableTrace, Outcome]],
-    not_traced: Sequence[str] = (),
-    common: Sequence[str] = (),
-) -> Page:
+def page_of(traced: GeneralTraced | RunTraced, each: Mapping[str, TableTrace], **more: Any) -> Page:
     """The report of traces of one table: of one response, or of every sensor of a run.
 
     Args:
-        table: source of the data.
-        told: JSON values of the result.
-        each: trace and outcome of every response.
-        not_traced: outputs of the run whose declared model no trace can use.
-        common: sentences about effects that all sensors share.
+        traced: all of them.
+        each: trace of every response, by its name.
+        more: of a run: "not_traced", outputs whose declared model no trace can use, and "common", sentences about
+            effects that all sensors share.
     """
-    sensors = [_sensor(name, told["sensors"][name], *one) for name, one in each.items()]
-    first = front([outcome for _, outcome in each.values()], told["sensors"])
-    contents = {"front": first, "sensors": sensors, "not_traced": list(not_traced), "common": list(common)}
-    return Page("rig.procedures.general", "report.html.j2", table, 0.0, told["unused"], contents)
-
-
-def _sensor(name: str, found: Mapping[str, Any], trace: TableTrace, outcome: Outcome) -> dict[str, Any]:
-    """One response: findings, error before and after, residuals, coefficients."""
-    return {
-        **found,
-        "name": name,
-        "rows": list(compared(outcome)),
-        "s": effects_part(found, {}),
-        "plots": _plots(trace),
-        "coefficients": [
-            {"name": term, "both": with_error(value["estimate"], value["stderr"])}
-            for term, value in found["fitted"]["coefficients"].items()
-        ],
-    }
+    return trace_page(
+        traced, "rig.procedures.general", lambda name: _plots(each[name]), **{"not_traced": (), "common": ()} | more
+    )
 
 
 def _plots(trace: TableTrace) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""Display of tables of any kind on the command line: roles of columns, fits and traces."""
+"""Display of tables of any kind on the command line: roles of columns and fits."""
 
 from __future__ import annotations
 
@@ -8,48 +8,21 @@ from typing import Any
 from rich.markup import escape
 
 from rig.fitter.rounding import guard_digits, with_error
-from rig.fitter.trace.outcome import Outcome
-from rig.procedures.evaluate.before_after import compared
-from rig.procedures.present.blocks import Block, Grid, Line, Paragraph, simulated_mark
-from rig.procedures.present.effects_shown import show_certificate, show_effect, show_unnamed
+from rig.procedures.present.blocks import Block, Grid, Line, simulated_mark
 from rig.procedures.present.gross_shown import show_gross, show_left_out
 from rig.procedures.present.numbers import number
 from rig.procedures.present.terms import in_words
-from rig.procedures.present.words import verdict_of
 
 _PREDICTED = {"value", "standard_uncertainty", "df", "confidence95", "prediction95", "outside"}
 _MOST_CORRELATED = 6
 """Coefficients at most whose correlations are shown; the JSON has them of all."""
 
 
-def show_general_trace(result: Mapping[str, Any], outcome: Outcome) -> Iterator[Block]:
-    """Error before and after, the effects found, the remainder, and the roles of columns."""
-    yield _first(result["data"], result["data"]["file"])
-    for name, found in result["sensors"].items():
-        yield Line(
-            f"[bold]{escape(name)}[/] (declared {escape(found['declared'])}): [bold]{escape(verdict_of(found))}[/]",
-            wrapped=True,
-        )
-        table = Grid(("", "before", "after"))
-        for row in compared(outcome):
-            table.add_row(row.label, row.before, row.after)
-        yield table
-        for effect in found["effects"]:
-            yield from show_effect(effect)
-        yield from show_unnamed(found)
-        for note in found["notes"]:
-            yield Paragraph(f"[dim]{escape(note)}[/]", 2)
-        yield from show_certificate(found)
-
-
-def _first(data: Mapping[str, Any], file: str) -> Line:
-    return Line(f"{simulated_mark(data['simulated'])}[bold]{escape(file)}[/]: {data['points']} rows")
-
-
 def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
     """Coefficients with standard errors and degrees of freedom, and the underlying errors."""
     title = f"{escape(result['response'])} ~ {escape(result['formula'])}"
-    yield _first(result["data"], file)
+    data = result["data"]
+    yield Line(f"{simulated_mark(data['simulated'])}[bold]{escape(file)}[/]: {data['points']} rows")
     guard = guard_digits(result["calibration"]["covariance"])
     table = Grid(("term", "estimate", "standard error", "df"), title=title)
     for name, value in result["coefficients"].items():
@@ -75,7 +48,7 @@ def show_general_fit(file: str, result: Mapping[str, Any]) -> Iterator[Block]:
     yield from _tests(result)
     yield from _predictions(result)
     yield from _of_series(result)
-    yield from show_left_out(result["data"])
+    yield from show_left_out(data)
     yield from show_gross(result["gross_errors"])
     for note in result.get("notes", ()):
         yield Line(f"  [yellow]{escape(note)}[/]")

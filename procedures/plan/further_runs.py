@@ -121,3 +121,9 @@ def possible(every: Iterable[Variation], limits: Limits) -> Iterator[Variation]:
     for variation in every:
         if next(variation.run_list.beyond(limits), None) is None:
             yield variation
+
+
+def named(name: str, what: str) -> str:
+    """A name within a procedure's 80 characters, with the first run's shortened if necessary."""
+    room = 80 - len(what) - 2
+    return f"{name[:room]}: {what}" if room > 0 else what[:80]

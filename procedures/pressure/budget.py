@@ -57,6 +57,11 @@ class Transducer:
         return Errors(v.subplot, 0.0, v.wholeplot, v.replicate, np.zeros((4, 4)), float("nan"))
 
     @property
+    def uses(self) -> set[str]:
+        """Columns that its calibration depends on: pressure, temperatures, and its output."""
+        return {*NAMES.values(), self.name}
+
+    @property
     def terms(self) -> tuple[str, ...]:
         """Names of its coefficients."""
         return tuple(self.fit.problem.names)
@@ -67,7 +72,7 @@ class Transducer:
         return self.calibration.coefficients
 
     def coefficients(self, moved: Mapping[str, FloatArray]) -> FloatArray:
-        """(k,) coefficients with additions to columns."""
+        """(k,) coefficients with additions to columns that it uses."""
         problem = self.fit.problem
         table = dict(problem.data.table)
         for short, column in NAMES.items():
@@ -213,8 +218,8 @@ class PressureEvaluation(EvaluationBySensor):
         """The sensors, in the order of the results."""
         return self._each
 
-    def modelled(self) -> Mapping[str, FloatArray]:
-        """See `Evaluation`."""
+    def at_rest(self) -> Mapping[str, FloatArray]:
+        """(n,) output of each observation by the model alone, by sensor."""
         return {
             one.name: one.fit.problem.formula.columns(one.fit.problem.data.table)[1] @ one.fitted for one in self._each
         }
@@ -259,15 +264,6 @@ class PressureEvaluation(EvaluationBySensor):
     def replication(self) -> IntArray:
         """(n,) number of the replication of each observation, from 0."""
         return np.asarray(np.unique(self._data.replicate, return_inverse=True)[1], np.int64)
-
-    def coefficients(self, columns: Mapping[str, FloatArray]) -> Mapping[str, FloatArray]:
-        """(k,) coefficients of the calibration by sensor, with additions to columns."""
-        shared = {name: moved for name, moved in columns.items() if name in NAMES.values()}
-        found = {}
-        for one in self._each:
-            mine = shared | ({one.name: columns[one.name]} if one.name in columns else {})
-            found[one.name] = one.coefficients(mine) if mine else one.calibration.coefficients
-        return found
 
     def of_place(self, constant: PlaceConstant) -> Iterable[tuple[str, Shifts]]:
         """The height of the transducers as a share of the pressure."""

@@ -20,6 +20,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.budget import TypeA
 from rig.fitter.errors import FitError
 from rig.fitter.trace.found import Explanation
+from rig.procedures.evaluate.budget_by_sensor import difference
 from rig.procedures.evaluate.budgeting import alike
 from rig.procedures.pressure.budget import Point, PressureEvaluation, Transducer
 from rig.procedures.pressure.data import WholePlotData
@@ -83,11 +84,6 @@ class TracedEvaluation(PressureEvaluation):
                 found.append((name, other.effect, moved if np.isfinite(moved).all() else None))
         return found
 
-    def modelled(self) -> Mapping[str, FloatArray]:
-        """See `Evaluation`."""
-        off = self.aside()
-        return {sensor: values + off.get(sensor, 0.0) for sensor, values in super().modelled().items()}
-
     def aside(self) -> Mapping[str, FloatArray]:
         """See `Evaluation`."""
         found: dict[str, FloatArray] = {}
@@ -104,16 +100,12 @@ class TracedEvaluation(PressureEvaluation):
         return found
 
     def _part(self, name: str, own: Transducer, other: Transducer) -> FloatArray:
-        moved = _difference(own, other)
+        moved = difference(own, other)
         return moved if own.name in self._concerned[name] else np.zeros_like(moved)
 
     def model_errors(self) -> Iterator[TypeA]:
         """Differences between models that the run cannot separate, as covariances of the results."""
-        by_named: dict[str, list[tuple[str, FloatArray]]] = {}
-        for named, member, moved in self._moved:
-            if moved is not None:
-                by_named.setdefault(named, []).append((member, moved))
-        yield from (alike(named, members) for named, members in by_named.items())
+        yield from alike(self._moved)
         for name, added in self._stays.items():
             left = [_left(one, added.get(one.name), self._data) for one in self.each]
             yield TypeA(np.diag(np.concatenate(left) ** 2), np.inf, f"model: {name}", "trace of the run", "B")
@@ -198,12 +190,3 @@ def _terms(one: Explanation) -> Terms:
 
 def _extra(terms: Mapping[str, Terms]) -> Terms:
     return tuple(dict.fromkeys(term for one in terms.values() for term in one))
-
-
-def _difference(own: Transducer, other: Transducer) -> FloatArray:
-    """(m,) results by another model, less those by the own; a coefficient that one of them has not differs by 0."""
-    theirs = dict(zip(other.terms, other.fitted.tolist(), strict=True))
-    kept = own.fitted.tolist()
-    coefficients = [theirs.get(name, value) - value for name, value in zip(own.terms, kept, strict=True)]
-    mine, found = own.values(own.fitted, own.readings), other.values(other.fitted, own.readings)
-    return np.concatenate([coefficients, found[len(theirs) :] - mine[len(kept) :]])

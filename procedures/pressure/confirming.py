@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from rig.fitter.arrays import IntArray
-from rig.fitter.confirm import Confirmation, Later, Question
+from rig.fitter.confirm import Confirmation, Later, Question, Together
 from rig.fitter.effects.entry import Entry
-from rig.fitter.effects.manual_changes import Done
-from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit, Confirming
+from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit, Confirming, times_s
 from rig.procedures.plan.further_runs import Variation, repeated
 from rig.procedures.plan.run_list import RunList
 from rig.procedures.pressure.data import WholePlotData
@@ -36,7 +35,6 @@ class WholePlotConfirming(Confirming):
     """See `rig.procedures.evaluate.confirming.Confirming`."""
 
     traced: WholePlotTraced
-    earlier: tuple[Later, ...] = ()
 
     unit = "psi"
     output_unit = "mV"
@@ -56,9 +54,9 @@ class WholePlotConfirming(Confirming):
         """Observations of a later run."""
         return whole_plot_data(table)
 
-    def beside(self, later: WholePlotData, after_s: float, done: Sequence[Done] = ()) -> WholePlotTogether:
-        """This run, the earlier further ones, and a later one with changes by a person."""
-        return WholePlotTogether.of(self.found, self.data, [*self.earlier, Later(later, after_s, done)])
+    def together(self, later: Sequence[Later]) -> WholePlotTogether:
+        """This run and later ones. Raises `FitError`."""
+        return WholePlotTogether.of(self.found, self.data, later)
 
     @property
     def catalogue(self) -> Sequence[Entry]:
@@ -96,7 +94,7 @@ class WholePlotConfirming(Confirming):
 
     def ways(
         self, variation: Variation, run_list: RunList, questions: Sequence[Question], later_s: float
-    ) -> list[WholePlotTogether]:
+    ) -> list[Together]:
         """One course: the chamber sets the temperatures."""
         done = [step.done([p.replication for p in run_list.points]) for step in variation.steps]
         return [self.beside(self._planned(run_list), later_s, done)]
@@ -186,7 +184,4 @@ def _terms(questions: Sequence[Question], answer: Confirmation) -> list[str]:
 def _whole_plot_s(data: WholePlotData) -> tuple[float, float]:
     """Seconds between readings of one whole plot, and the additional time of a new one."""
     executed = np.argsort(data.order)
-    steps = np.diff(data.elapsed_s[executed])
-    new = np.diff(data.whole_plot_index[executed]) != 0
-    reading = float(np.median(steps[~new])) if np.any(~new) else 0.0
-    return reading, max(float(np.median(steps[new])) - reading, 0.0) if np.any(new) else 0.0
+    return times_s(data.elapsed_s[executed], np.diff(data.whole_plot_index[executed]) != 0)

@@ -15,6 +15,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.evaluate.catalogue import with_own
 from rig.procedures.evaluate.certificate import Change, Errors, certified, with_words
 from rig.procedures.evaluate.results import Page
+from rig.procedures.evaluate.trace_shown import in_full
 from rig.procedures.present.blocks import Block
 from rig.procedures.present.words import doubts_of, noise_of, verdict
 from rig.procedures.pressure.data import WholePlotData
@@ -22,9 +23,6 @@ from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.effects.scene import PressureEffect
 from rig.procedures.pressure.figures import effect_figures
 from rig.procedures.pressure.fitted import Declared, alive
-from rig.procedures.pressure.shown import (
-    show_whole_plot_trace,
-)
 from rig.procedures.pressure.table import unused as unused_columns
 from rig.procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace, trace_whole_plots
 from rig.procedures.tables.file_rows import rows_of_file
@@ -58,13 +56,13 @@ class WholePlotTraced:
 
     def blocks(self) -> Iterator[Block]:
         """Blocks for people."""
-        return show_whole_plot_trace(self.table, self.to_json(), self.outcomes)
+        return in_full(self)
 
     def page(self) -> Page:
         """Its report."""
-        from rig.procedures.pressure.report import trace_page  # noqa: PLC0415 - plots take a second to import
+        from rig.procedures.pressure.report import page_of  # noqa: PLC0415 - plots take a second to import
 
-        return trace_page(self.table, self.data, self.trace, self.to_json(), self.outcomes)
+        return page_of(self)
 
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:

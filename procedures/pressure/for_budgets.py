@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,8 +10,7 @@ from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.pressure.budget import NAMES, PRESSURE, SENSOR, SSE, Point, PressureEvaluation
 from rig.procedures.pressure.data import WholePlotData
-from rig.procedures.pressure.fit.models import usual
-from rig.procedures.pressure.table import whole_plot_data
+from rig.procedures.pressure.fitted import Declared, alive
 from rig.procedures.tables.table import Table
 
 
@@ -31,12 +29,8 @@ def pressure_evaluation(
         traced: with the effects that a trace finds.
         extra: further terms, without `traced`.
     """
-    data = whole_plot_data(table)
-    alive = {name: values for name, values in data.outputs.items() if float(np.ptp(values)) > 0.0}
-    if not alive:
-        raise DataError(f"{table.source}: no transducer's output ever changes: nothing to calibrate")
-    data = replace(data, outputs=alive)
-    model = formula or table.declared.get("formula") or usual(data)
+    data, _ = alive(table)
+    model = Declared.of(table, formula, data).model
     try:
         if not traced:
             return PressureEvaluation(data, model, _points(data, at), extra)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 
-from rig.procedures.plan.further_runs import Limits, Variation
+from rig.procedures.plan.further_runs import Limits, Variation, named
 from rig.procedures.plan.settings import Varies
 from rig.procedures.pressure.settings import WholePlotProcedure
 
@@ -34,7 +34,7 @@ def further_runs(first: WholePlotProcedure, limits: Limits, *, chamber: bool) ->
                     "design": design,
                     "replications": 1,
                     "seed": first.seed + 1,
-                    "name": f"{first.name}: {what}"[:80],
+                    "name": named(first.name, what),
                 }
             )
             yield Variation(what, run, varies=varies)

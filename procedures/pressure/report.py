@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from rig.fitter.rounding import with_error
-from rig.fitter.trace.outcome import Outcome
-from rig.procedures.evaluate.before_after import compared
-from rig.procedures.evaluate.front import front
 from rig.procedures.evaluate.results import Page
-from rig.procedures.present.effect_plots import drawn
-from rig.procedures.present.effects_report import effects_part
-from rig.procedures.present.numbers import number
+from rig.procedures.evaluate.trace_page import trace_page
 from rig.procedures.present.pictures import BEFORE_AFTER, colour_scale, dress, side_by_side
 from rig.procedures.pressure.data import WholePlotData
 
 if TYPE_CHECKING:
-    from rig.procedures.pressure.trace import TransducerTrace, WholePlotTrace
-    from rig.procedures.tables.table import Table
+    from rig.procedures.pressure.evaluate import WholePlotTraced
+    from rig.procedures.pressure.trace import TransducerTrace
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -102,43 +95,22 @@ def _less_means(data: WholePlotData, side: Array) -> Array:
     return np.asarray(side - (np.bincount(index, side) / np.bincount(index))[index])
 
 
-def trace_page(
-    table: Table, data: WholePlotData, trace: WholePlotTrace, result: Mapping[str, Any], outcomes: Sequence[Outcome]
-) -> Page:
+def page_of(traced: WholePlotTraced) -> Page:
     """The report of a trace."""
-    contents = {
-        "whole_plots": len(data.whole_plots),
-        "front": front(outcomes, result["sensors"]),
-        "sensors": [
-            _transducer(one, result["sensors"][one.sensor], data, trace.sensors[one.sensor]) for one in outcomes
-        ],
-    }
-    span_s = float(np.ptp(data.elapsed_s))
-    return Page("rig.procedures.pressure", "report.html.j2", table, span_s, result["unused"], contents)
+    data = traced.data
+    return trace_page(
+        traced,
+        "rig.procedures.pressure",
+        lambda name: _plots(name, data, traced.trace.sensors[name]),
+        float(np.ptp(data.elapsed_s)),
+        whole_plots=len(data.whole_plots),
+    )
 
 
-def _transducer(
-    outcome: Outcome, result: Mapping[str, Any], data: WholePlotData, found: TransducerTrace
-) -> dict[str, Any]:
-    name, rows = outcome.sensor, list(compared(outcome))
+def _plots(name: str, data: WholePlotData, found: TransducerTrace) -> list[dict[str, Any]]:
     residuals = Residuals(data, found.before.residual_mV, found.after.residual_mV, found.sensitivity)
-    return {
-        **result,
-        "name": name,
-        "rows": [row for row in rows if not row.setting],
-        "reading_errors": [row for row in rows if row.setting],
-        "coefficients": [
-            {
-                "name": term,
-                "both": with_error(value["estimate"], value["stderr"]),
-                "df": number(value["df"]),
-            }
-            for term, value in result["fitted"]["coefficients"].items()
-        ],
-        **effects_part(result, drawn(outcome.figures)),
-        "plots": [
-            {"alt": f"{name}: reading error over pressure, before and after", "figure": reading_errors(residuals)},
-            {"alt": f"{name}: residuals within whole plots over pressure", "figure": within_whole_plots(residuals)},
-            {"alt": f"{name}: mean residual of each whole plot", "figure": between_whole_plots(residuals)},
-        ],
-    }
+    return [
+        {"alt": f"{name}: reading error over pressure, before and after", "figure": reading_errors(residuals)},
+        {"alt": f"{name}: residuals within whole plots over pressure", "figure": within_whole_plots(residuals)},
+        {"alt": f"{name}: mean residual of each whole plot", "figure": between_whole_plots(residuals)},
+    ]

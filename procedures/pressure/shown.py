@@ -1,25 +1,22 @@
-"""Display of pressure calibrations in whole plots, and of their traces, on the command line."""
+"""Display of pressure calibrations in whole plots on the command line."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
 from rig.fitter.rounding import guard_digits, with_error
-from rig.procedures.evaluate.before_after import compared
 from rig.procedures.evaluate.fit_in_short import sensors_in_short
-from rig.procedures.present.blocks import Block, Grid, Line, headline
-from rig.procedures.present.effects_shown import show_certificate, show_effect, show_unnamed
+from rig.procedures.evaluate.trace_shown import left_out
+from rig.procedures.present.blocks import Block, Grid, Line
 from rig.procedures.present.gross_shown import show_gross, show_left_out
 from rig.procedures.present.numbers import number
-from rig.procedures.present.words import verdict_of
 from rig.procedures.pressure.words import IN_USE, errors_as_cells, errors_in_words, in_use_words, low_pressure
 
 if TYPE_CHECKING:
-    from rig.fitter.trace.outcome import Outcome
-    from rig.procedures.tables.table import Table
+    pass
 
 _MEASURES = (
     ("in_use", "max_pct", "largest reading error in use / %"),
@@ -50,7 +47,7 @@ def show_whole_plot_summary(result: Mapping[str, Any]) -> Iterator[Block]:
 
 def show_whole_plot_fit(result: Mapping[str, Any]) -> Iterator[Block]:
     """A summary, then methods side by side and the coefficients of GLS, one transducer after another."""
-    yield from _show_dead(result)
+    yield from left_out(result)
     yield Line(escape(result["data"]["model"]["sentence"]))
     yield Line(result["data"]["coefficients_hold_at"])
     yield from show_left_out(result["data"])
@@ -79,17 +76,12 @@ def show_whole_plot_fit(result: Mapping[str, Any]) -> Iterator[Block]:
 
 def show_whole_plot_fit_in_short(result: Mapping[str, Any]) -> Iterator[Block]:
     """The methods at the lowest pressure, and a row a transducer."""
-    yield from _show_dead(result)
+    yield from left_out(result)
     yield Line(escape(result["data"]["model"]["sentence"]))
     yield from show_left_out(result["data"])
     yield from show_whole_plot_summary(result)
     cells = {name: errors_as_cells(sensor) for name, sensor in result["sensors"].items()}
     yield from sensors_in_short(result["sensors"], ("error of a reading / mV", "of a whole plot / mV"), cells)
-
-
-def _show_dead(result: Mapping[str, Any]) -> Iterator[Block]:
-    for name, why in result["left_out"].items():
-        yield Line(f"[red]{escape(name)} is left out:[/] it {why}")
 
 
 def _methods(methods: Mapping[str, Any], part: str, key: str) -> Grid:
@@ -123,33 +115,3 @@ def _kept(sensor: Mapping[str, Any]) -> Grid:
         numbers = (*both, number(value["df"]), number(inflation))
         table.add_row(escape(term), *numbers, value["unit"])
     return table
-
-
-def show_whole_plot_trace(table: Table, result: Mapping[str, Any], outcomes: Sequence[Outcome]) -> Iterator[Block]:
-    """A short table per transducer: error before and after, and the effects found."""
-    yield headline(result["data"]["file"], table)
-    yield Line(escape(result["data"]["model"]["sentence"]))
-    yield from _show_dead(result)
-    for outcome in outcomes:
-        name, sensor = outcome.sensor, result["sensors"][outcome.sensor]
-        yield Line(
-            f"\n[bold]{name}[/] (declared {escape(sensor['declared'])}): [bold]{escape(verdict_of(sensor))}[/]",
-            wrapped=True,
-        )
-        yield _before_after(outcome)
-        for effect in sensor["effects"]:
-            yield from show_effect(effect)
-        yield from show_unnamed(sensor)
-        yield from show_certificate(sensor)
-
-
-def _before_after(outcome: Outcome) -> Grid:
-    table = Grid(("", "before", "after"))
-    rows = list(compared(outcome))
-    for row in (*(r for r in rows if not r.setting), *[r for r in rows if r.setting][:_SHOWN]):
-        table.add_row(row.label, row.before, row.after)
-    return table
-
-
-_SHOWN = 3
-"""Reading errors of the lowest pressures for the table; the others are in the JSON and the report."""
