@@ -92,7 +92,7 @@ class AttitudeTraced:
         """Its report."""
         from rig.procedures.attitude.report import page_of  # noqa: PLC0415 - plots take a second to import
 
-        return page_of(self)
+        return page_of(self, self.data, self.trace)
 
     def depends_on(self, sensor: str) -> tuple[str, ...]:
         """Sentences about parameters whose value depends on the choice among several causes."""

@@ -19,8 +19,8 @@ from rig.procedures.evaluate.trace_page import trace_page
 from rig.procedures.present.pictures import BEFORE_AFTER, colour_scale, dress, legend_below, side_by_side
 
 if TYPE_CHECKING:
-    from rig.procedures.attitude.evaluate import AttitudeTraced
-    from rig.procedures.attitude.trace import SensorTrace
+    from rig.procedures.attitude.trace import SensorTrace, Trace
+    from rig.procedures.evaluate.results import Traced
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -107,13 +107,12 @@ def residual_map(picture: Picture) -> Figure:
     return figure
 
 
-def page_of(traced: AttitudeTraced) -> Page:
-    """The report of a trace."""
-    data, found = traced.data, traced.trace.sensors
+def page_of(traced: Traced, data: AttitudeData, trace: Trace) -> Page:
+    """The report of a trace of these data."""
     return trace_page(
         traced,
         "rig.procedures.attitude",
-        lambda name: _plots(name, _picture(data, found[name])),
+        lambda name: _plots(name, _picture(data, trace.sensors[name])),
         float(np.ptp(data.elapsed_s)),
         _of_sensor,
     )

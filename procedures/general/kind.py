@@ -42,7 +42,7 @@ class GeneralKind(Kind):
     model_columns = lazily("planning:model_columns")
     check_design = lazily("planning:check_declared")
     precision = lazily("planning:precision")
-    judge = lazily("acceptance:judge")
+    judge = lazily("of_runs:judge")
     charting = lazily("charting:GeneralCharting")
     cannot_confirm = lazily("confirming:cannot_confirm")
     further_runs = lazily("further_runs:further_runs")
@@ -201,14 +201,12 @@ class GeneralKind(Kind):
         other: Callable[[Path], Reader],
     ) -> Inference:
         """The abscissa of the curve."""
-        from rig.procedures.general.infer_table import infer_general  # noqa: PLC0415
+        from rig.procedures.general.infer_table import infer_general, infer_sensors  # noqa: PLC0415
 
+        given = options.u_reading, options.quantity, options.between
         if isinstance(calibration, Mapping):
-            from rig.procedures.general.infer_runs import infer_sensors  # noqa: PLC0415
-
-            return infer_sensors(calibration, read, options.u_reading, options.quantity, options.between)
-
-        return infer_general(calibration, read, options.u_reading, options.quantity, options.between)
+            return infer_sensors(calibration, read, *given)
+        return infer_general(calibration, read, *given)
 
     def advice(self, procedure: GeneralProcedure, axes: Sequence[str], usage_deg: float | None) -> Sequence[Advice]:
         """Confounded terms and effects, and errors without degrees of freedom."""

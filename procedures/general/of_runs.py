@@ -12,8 +12,9 @@ from rig.fitter.errors import FitError
 from rig.fitter.formula import Formula
 from rig.fitter.steps import steps
 from rig.fitter.trace.outcome import Outcome
-from rig.procedures.column_names import moves_of, read_at, split_unit
+from rig.procedures.column_names import moves_of, read_at, spelled, split_unit, unit_of
 from rig.procedures.errors import DataError
+from rig.procedures.evaluate.acceptance import Verdict
 from rig.procedures.evaluate.results import Page, PlainFitted
 from rig.procedures.evaluate.trace_shown import in_full
 from rig.procedures.general.column_roles import Roles
@@ -22,6 +23,7 @@ from rig.procedures.general.declared import Declared
 from rig.procedures.general.evaluate import IGNORED, GeneralTraced, trace_general_table
 from rig.procedures.general.fit import fit_general
 from rig.procedures.general.model_settings import ModelSettings, SensorModel
+from rig.procedures.general.settings import GeneralProcedure
 from rig.procedures.general.shown import show_general_fit
 from rig.procedures.present.blocks import Block
 from rig.procedures.tables.moving import sentences
@@ -325,3 +327,29 @@ def _ignored(name: str, table: Table) -> bool:
     doubled = measured or stem.endswith("_readback")
     moved = any(name in moves_of(factor) for factor in table.factors) or name in map(read_at, table.outputs)
     return name in _NOT_TRACED or name in table.outputs or name in table.set_in.values() or doubled or moved
+
+
+def judge(procedure: GeneralProcedure, table: Table) -> list[Verdict]:
+    """Every sensor with a limit: the standard deviation of one observation about the declared model; [] without one.
+
+    Raises:
+        DataError: a limit is of a sensor that the run does not have, or has no error to compare.
+    """
+    limits = procedure.acceptance.sigma_E or {}
+    columns = {sensor: column for column, sensor in table.outputs.items()}
+    unknown = sorted(limits.keys() - columns.keys())
+    if unknown:
+        raise DataError(f"acceptance.sigma_E.{unknown[0]}: the bench has no such sensor ({', '.join(columns)})")
+    if not limits:
+        return []
+    results, verdicts = results_of(fit_run(RunModels(table, models_of(table))).result), []
+    for sensor, limit in limits.items():
+        column = columns[sensor]
+        result, unit = results[column], spelled(unit_of(column))
+        found = result.get("sigma_E") if "sigma_E" in result else result.get("sigma_subplot")
+        if found is None:
+            raise DataError(f"{column}: no error can be estimated, so acceptance.sigma_E cannot be judged")
+        words = f"standard error of one observation up to {limit:g} {unit}"
+        said = f"standard error of one observation {found:.3g} {unit}, limit {limit:g} {unit}"
+        verdicts.append(Verdict(column, said, words, found <= limit))
+    return verdicts

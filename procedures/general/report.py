@@ -16,8 +16,7 @@ from rig.procedures.evaluate.trace_page import trace_page
 from rig.procedures.present.pictures import BEFORE_AFTER, dress, side_by_side
 
 if TYPE_CHECKING:
-    from rig.procedures.general.evaluate import GeneralTraced
-    from rig.procedures.general.of_runs import RunTraced
+    from rig.procedures.evaluate.results import Traced
     from rig.procedures.general.trace import TableTrace
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -81,7 +80,7 @@ def _means(values: Array, residual: Array, *, each: bool = False) -> tuple[Array
 _PLOTS = 6
 
 
-def page_of(traced: GeneralTraced | RunTraced, each: Mapping[str, TableTrace], **more: Any) -> Page:
+def page_of(traced: Traced, each: Mapping[str, TableTrace], **more: Any) -> Page:
     """The report of traces of one table: of one response, or of every sensor of a run.
 
     Args:

@@ -62,7 +62,7 @@ class WholePlotTraced:
         """Its report."""
         from rig.procedures.pressure.report import page_of  # noqa: PLC0415 - plots take a second to import
 
-        return page_of(self)
+        return page_of(self, self.data, self.trace)
 
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:

@@ -12,9 +12,11 @@ import numpy as np
 from rig.fitter.errors import FitError
 from rig.fitter.misfit import COVERED_BY_WHOLE_PLOTS
 from rig.procedures.errors import DataError
+from rig.procedures.evaluate.acceptance import Verdict, gross_words
 from rig.procedures.evaluate.fit_in_short import MANY
 from rig.procedures.evaluate.left_out import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.procedures.present.blocks import Block, headline
+from rig.procedures.pressure.declared import ACCEPTED_BY
 from rig.procedures.pressure.fit import PressureFit, fit_transducers, named_formula, variance_inflation
 from rig.procedures.pressure.fit.methods import METHOD
 from rig.procedures.pressure.fit.models import ONE_TEMPERATURE, coefficient_unit, usual
@@ -22,7 +24,7 @@ from rig.procedures.pressure.gross import of_whole_plots
 from rig.procedures.pressure.shown import show_whole_plot_fit, show_whole_plot_fit_in_short
 from rig.procedures.pressure.table import unused as unused_columns
 from rig.procedures.pressure.table import whole_plot_data
-from rig.procedures.pressure.words import HOLD_AT
+from rig.procedures.pressure.words import HOLD_AT, largest_words
 from rig.procedures.tables.file_rows import rows_of_file
 
 if TYPE_CHECKING:
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from rig.fitter.gross import GrossErrors
     from rig.procedures.evaluate.results import Page
     from rig.procedures.pressure.data import WholePlotData
+    from rig.procedures.pressure.settings import WholePlotProcedure
     from rig.procedures.tables.table import Table
 
 
@@ -227,3 +230,28 @@ def with_units(sensor: dict[str, Any]) -> dict[str, Any]:
         for term, value in table.items():
             value["unit"] = coefficient_unit(term)
     return sensor
+
+
+def judge(procedure: WholePlotProcedure, table: Table) -> list[Verdict]:
+    """Every transducer's reading error in use compared with its limit; [] without one."""
+    limit, psia = procedure.acceptance.reading_error_pct, procedure.acceptance.at_psia
+    if limit is None:
+        return []
+    words = f"reading error in use at {psia:g} psia up to {limit:g} %, {ACCEPTED_BY}"
+    fitted = fit_whole_plots(table)
+    verdicts = [Verdict(name, why, words, inside=False) for name, why in fitted.dead.items()]
+    for name, fit in fitted.fits.items():
+        method = fit.methods.get(ACCEPTED_BY)
+        if method is None:
+            raise DataError(f"{name}: {ACCEPTED_BY} is not possible: {fit.not_possible[ACCEPTED_BY]}")
+        errors, use = method.reading_error, method.in_use
+        at = int(abs(errors.pressure_psia - psia).argmin())
+        if abs(errors.pressure_psia[at] - psia) > 0.05 * psia:
+            raise DataError(f"no pressure near acceptance.at_psia = {psia:g} was measured")
+        # if no other reading of the whole plot can serve as zero, the interval of a reading in use is judged
+        found = float(use.max_pct[at] if np.isfinite(use.max_pct[at]) else use.half95_pct[at])
+        shown = {"in_use": use.to_dict()}
+        gross = gross_words(fitted.gross(name))
+        said = f"reading error at {psia:g} psia {largest_words(shown, at)}, limit {limit:g} %{gross}"
+        verdicts.append(Verdict(name, said, words, found <= limit))
+    return verdicts

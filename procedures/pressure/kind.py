@@ -39,7 +39,7 @@ class PressureKind(Kind):
     unused = lazily("table:unused")
     check_design = lazily("declared:check_declared")
     precision = lazily("planned:precision")
-    judge = lazily("acceptance:judge")
+    judge = lazily("fitted:judge")
     charting = lazily("charting:PressureCharting")
     confirming = lazily("confirming:WholePlotConfirming")
     further_runs = lazily("further_runs:further_runs")

@@ -14,8 +14,8 @@ from rig.procedures.present.pictures import BEFORE_AFTER, colour_scale, dress, s
 from rig.procedures.pressure.data import WholePlotData
 
 if TYPE_CHECKING:
-    from rig.procedures.pressure.evaluate import WholePlotTraced
-    from rig.procedures.pressure.trace import TransducerTrace
+    from rig.procedures.evaluate.results import Traced
+    from rig.procedures.pressure.trace import TransducerTrace, WholePlotTrace
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -95,13 +95,12 @@ def _less_means(data: WholePlotData, side: Array) -> Array:
     return np.asarray(side - (np.bincount(index, side) / np.bincount(index))[index])
 
 
-def page_of(traced: WholePlotTraced) -> Page:
-    """The report of a trace."""
-    data = traced.data
+def page_of(traced: Traced, data: WholePlotData, trace: WholePlotTrace) -> Page:
+    """The report of a trace of these data."""
     return trace_page(
         traced,
         "rig.procedures.pressure",
-        lambda name: _plots(name, data, traced.trace.sensors[name]),
+        lambda name: _plots(name, data, trace.sensors[name]),
         float(np.ptp(data.elapsed_s)),
         whole_plots=len(data.whole_plots),
     )

@@ -15,8 +15,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.general.budget_traced import TracedEvaluation
 from rig.procedures.general.effects.time_columns import lagging
 from rig.procedures.general.infer import CurveCalibration
-from rig.procedures.general.infer_runs import infer_sensors
-from rig.procedures.general.infer_table import infer_general
+from rig.procedures.general.infer_table import infer_general, infer_sensors
 from rig.procedures.general.model_settings import SensorModel
 from rig.procedures.general.of_runs import RunModels, fit_run
 from rig.procedures.general.traced import fit_traced
