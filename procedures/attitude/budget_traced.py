@@ -94,8 +94,8 @@ class TracedEvaluation(AttitudeEvaluation):
 
     def holds(self) -> Mapping[str, Mapping[str, str]]:
         """See `Evaluation`."""
-        names = {sensor for by in self._effects.values() for sensor in by}
-        return {s: {name: "without it" for name, by in self._effects.items() if s in by} for s in names}
+        every = {s: {name: "without it" for name, by in self._effects.items() if s in by} for s in self._data.outputs}
+        return {sensor: states for sensor, states in every.items() if states}
 
     def notes(self) -> Iterable[str]:
         """Sentences about the scatter."""

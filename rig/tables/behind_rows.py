@@ -55,7 +55,7 @@ def evidence_of(seen: Observed, flags: Iterable[str]) -> dict[str, float]:
 def within_points(every: Sequence[Observed]) -> dict[str, Within]:
     """The readings of which the outputs of some observations are means, by column."""
     found = {}
-    for name in {name for seen in every for name in seen.outputs}:
+    for name in dict.fromkeys(name for seen in every for name in seen.outputs):
         channels = [seen.outputs[name] for seen in every if name in seen.outputs]
         found[name] = Within.of([one["sd"] for one in channels], [len(one["readings"]) for one in channels])
     return {name: one for name, one in found.items() if one is not None}
