@@ -33,6 +33,21 @@ def unknown_words(place: str, given: Mapping[str, str]) -> Iterator[str]:
             yield f"{place}: {word} is {meaning!r}; known: {', '.join(MEANINGS)}, or `error: TEXT`"
 
 
+def wrong_numbers(place: str, given: Mapping[str, str], kind: str) -> Iterator[str]:
+    """Words of a register that are numbers which it cannot have; `kind` is the type of its number."""
+    bits = int(kind[-2:]) if kind != "bit" else 1
+    low = -(1 << bits - 1) if kind.startswith("int") else 0
+    for word in given:
+        try:
+            number = int(word, 0) if word[:2].lower() == "0x" else float(word)
+        except ValueError:
+            yield f"{place}: {word} is no number; a register has numbers"
+            continue
+        if word[:2].lower() == "0x" or (kind != "float32" and not low <= number < low + (1 << bits)):
+            signed = number - (1 << bits) if low and (1 << bits - 1) <= number < 1 << bits else number
+            yield f"{place}: {word} is never the number of an {kind}; write {signed:.0f}"
+
+
 def unknown_fields(skip: Iterable[str]) -> Iterator[str]:
     """Forms of lines that are passed over which are none, or name a field."""
     for text in skip:

@@ -1,8 +1,9 @@
 """Forms: a line of text with named fields in braces, for whoever reads it and whoever writes it.
 
 `S {state} {value:10.2} {unit}` is `S S     100.00 g`. After the name stands, as in Python, what is always so: `+` (a
-sign), `0` (zeros before), width, decimals, and the kind: `e` with exponent, `e2` with one of a sign and two digits, `d`
-whole, `x` hexadecimal. `{}` is any text. One space stands for any number of spaces; `{{` and `}}` are braces.
+sign), `0` (zeros before), width, decimals (`.2`, or `,2` after a comma), and the kind: `e` with exponent, `e2` with one
+of a sign and two digits, `d` whole, `x` hexadecimal. `{}` is any text. One space stands for any number of spaces; `{{`
+and `}}` are braces.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 _HOLE = re.compile(r"\{\{|\}\}|\{([A-Za-z_][A-Za-z0-9_]*)?(?::([^{}]*))?\}|[{}]")
-_SPEC = re.compile(r"(<)?(\+)?(0)?([1-9][0-9]?)?(?:\.([0-9]{1,2}))?([dx]|e2?)?")
+_SPEC = re.compile(r"(<)?(\+)?(0)?([1-9][0-9]?)?(?:([.,])([0-9]{1,2}))?([dx]|e2?)?")
 _ANY_NUMBER = r"[+-]? *(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[Ee][+-]?[0-9]{1,3})?"
 TEXTS = {
     "unit": r"[A-Za-z%*\u00b0][A-Za-z0-9%/*^._ -]*?",
@@ -42,6 +43,7 @@ class Field:
         width: number of characters, 0 if it varies.
         decimals: of a number, -1 if they vary.
         kind: "e", "e2", "d", "x", or "" for a number without exponent, or for a text.
+        comma: whether a comma is printed before its decimals.
     """
 
     name: str
@@ -51,12 +53,13 @@ class Field:
     width: int = 0
     decimals: int = -1
     kind: str = ""
+    comma: bool = False
 
     @property
     def text(self) -> str:
         """As it stands in a form."""
         spec = f"{'<' * self.left}{'+' * self.sign}{'0' * self.zeros}{self.width or ''}"
-        spec += f".{self.decimals}" * (self.decimals >= 0) + self.kind
+        spec += f"{'.,'[self.comma]}{self.decimals}" * (self.decimals >= 0) + self.kind
         return f"{{{self.name}{':' * bool(spec)}{spec}}}"
 
     @property
@@ -66,6 +69,10 @@ class Field:
 
     def pattern(self, words: frozenset[str]) -> str:
         """Pattern of its text, without the spaces of its width."""
+        found = self._pattern(words)
+        return found.replace(r"\.", ",") if self.comma else found
+
+    def _pattern(self, words: frozenset[str]) -> str:
         if not self.name:
             return ".*?"
         if self.name in TEXTS:
@@ -94,7 +101,7 @@ class Field:
 
     def read(self, text: str, *, signed: bool = False) -> float:
         """The finite number in a text; a hexadecimal one may be `signed`, a two's complement. Raises `ValueError`."""
-        text = text.replace(" ", "")
+        text = text.replace(" ", "").replace(",", "." if self.comma else ",")
         if self.kind == "x":
             number, bits = int(text, 16), 4 * (self.width or len(text))
             return float(number - (1 << bits) if signed and number >> (bits - 1) & 1 else number)
@@ -124,7 +131,8 @@ class Field:
             align = "<" if self.left else ""
             plus = "+" if self.sign else ""
             zeros = "0" if self.zeros else ""
-            return f"{value:{align}{plus}{zeros}{self.width or ''}{decimals}{kind}}"
+            printed = f"{value:{align}{plus}{zeros}{self.width or ''}{decimals}{kind}}"
+            return printed.replace(".", ",") if self.comma else printed
         text = f"{value:{'+' if self.sign else ''}.9g}"
         return text.zfill(self.width) if self.zeros else text.rjust(self.width)
 
@@ -179,7 +187,7 @@ class Form:
             if isinstance(part, str):
                 found.append(" +".join(map(re.escape, re.split(" +", part))))
                 continue
-            inner = part.pattern(self._words) if strict or not part.number else _ANY_NUMBER
+            inner = part.pattern(self._words) if strict or part.comma or not part.number else _ANY_NUMBER
             if part.kind == "x":
                 inner = part.pattern(self._words)
             if part.width and strict:
@@ -240,14 +248,17 @@ class Form:
 
 def step_of(printed: str) -> float:
     """The step of the last digit of a printed number; 1 if it has no decimal point."""
-    mantissa, _, power = printed.replace(" ", "").upper().partition("E") if "." in printed else ("", "", "")
+    printed = printed.replace(" ", "").replace(",", ".").upper()
+    mantissa, _, power = printed.partition("E") if "." in printed else ("", "", "")
     return 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
 
 
 def _field(name: str, spec: str, text: str) -> Field:
     found = _SPEC.fullmatch(spec)
     if found is None:
-        raise ValueError(f"{{{name}:{spec}}} in {text!r}: after the colon: + 0 width .decimals and e, e2, d or x")
-    left, sign, zeros, width, decimals, kind = found.groups()
+        raise ValueError(
+            f"{{{name}:{spec}}} in {text!r}: after the colon: + 0 width .decimals or ,decimals and e, e2, d or x"
+        )
+    left, sign, zeros, width, point, decimals, kind = found.groups()
     digits = -1 if decimals is None else int(decimals)
-    return Field(name, bool(left), bool(sign), bool(zeros), int(width or 0), digits, kind or "")
+    return Field(name, bool(left), bool(sign), bool(zeros), int(width or 0), digits, kind or "", point == ",")

@@ -11,7 +11,15 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, JsonValue, ValidationError, model_validator
 
 from rig.contracts.declared.bridges import PATTERN, bridged, completed
-from rig.contracts.declared.defects import WHERE, said, unknown_fields, unknown_words, wrong_forms, wrong_frames
+from rig.contracts.declared.defects import (
+    WHERE,
+    said,
+    unknown_fields,
+    unknown_words,
+    wrong_forms,
+    wrong_frames,
+    wrong_numbers,
+)
 from rig.contracts.declared.exchanges import Ask, Check, Strict, Tell, Tells, Texts
 from rig.contracts.declared.forms import Form
 from rig.contracts.declared.hooks import Function, hooks
@@ -246,6 +254,10 @@ class Instrument(Strict):
             yield from wrong_forms(place, one, line, self.parameters)
             if isinstance(one, Ask):
                 yield from unknown_words(f"{place}.words", one.words)
+                if self.modbus and place not in ("source.output", "source.settled"):
+                    bit = one.type == "bit" or one.bit is not None or one.table in ("coil", "discrete")
+                    kind = "bit" if bit else one.type or self.wire.type
+                    yield from wrong_numbers(f"{place}.words", one.words, kind)
                 if not self.can and (one.request is not None or one.status is not None):
                     yield f'{place}: request and status belong to protocol = "can"'
         if self.can:

@@ -65,9 +65,11 @@ class ModbusTalk(Talk):
         """Read a register. Raises `NoReply`, `BadReply`, `InstrumentError`."""
         number = self._read(ask)
         finite = math.isfinite(number)
-        printed = f"{number:.9g}" if finite else "NaN"
+        printed = f"{number:.9g}" if not math.isnan(number) else "NaN"
         meaning = self.meant(ask, printed, number if finite else None)
-        if not finite and not meaning:
+        if math.isinf(number):
+            meaning = meaning or "overload"  # IEEE 754 has it for what is beyond a range
+        elif not finite and not meaning:
             raise self.bad(ask, printed, "a number")
         if ask.bit is not None or ask.type == "bit" or ask.table in ("coil", "discrete"):
             meaning = meaning or ("on" if int(number) >> (ask.bit or 0) & 1 else "off")

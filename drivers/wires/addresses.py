@@ -7,7 +7,8 @@ pyserial URL can write files or load modules.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal
 from urllib.parse import parse_qsl
 
@@ -20,14 +21,14 @@ _HOST = r"[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]"
 _HOST_PORT = re.compile(rf"(?P<host>{_HOST})(?::(?P<port>[0-9]{{1,5}}))?")
 _SIMULATED = re.compile(r"sim://[\w.-]+/[\w.-]+")
 _VISA = re.compile(r"(?P<scheme>visa://)?(?P<bus>GPIB|TCPIP|ASRL|USB|VXI|PXI|PRLGX)(?P<rest>[^:]*::.*)", re.IGNORECASE)
-
-_BAUDS = (1200, 2400, 4800, 9600, 14400, 19200, 28800, 38400, 57600, 115200)
+_BAUDS = ("1200", "2400", "4800", "9600", "14400", "19200", "28800", "38400", "57600", "115200")
 _FRAMES = ("8N1", "8N2", "8E1", "8E2", "8O1", "8O2")
+_FRAMES_OF = {"modbus-rtu": _FRAMES, "modbus-ascii": ("7E1", "7O1", "7N2", *_FRAMES)}
 _MODBUS_PORT = 502
 _SERIAL_EXAMPLES = "/dev/ttyUSB0 (or COM4), socket://HOST:5025, rfc2217://HOST:4001 or visa://GPIB0::9::INSTR"
 _MODBUS_EXAMPLES = (
     "modbus-tcp://HOST:502/UNIT or modbus-rtu:///dev/ttyUSB0/UNIT?baud=9600&frame=8N1 or "
-    "modbus-rtu://socket://HOST:4001/UNIT"
+    "modbus-rtu://socket://HOST:4001/UNIT, modbus-ascii: likewise"
 )
 _CAN_EXAMPLES = "can:socketcan/can0, can:slcan//dev/ttyACM0?bitrate=500000 or can:virtual/NAME"
 _CAN_CHANNELS = {
@@ -124,6 +125,7 @@ class ModbusAddress:
         baud: symbols per second of a serial line; 9600 is the factory setting of a Watlow F4T.
         frame: data bits, parity, stop bits of a serial line.
         host: host of a network address.
+        ascii: whether frames are lines of hexadecimal digits: Modbus ASCII in the place of RTU.
     """
 
     kind: Literal["tcp", "rtu", "rtu-over-tcp", "sim", "sim-rtu"]
@@ -132,13 +134,14 @@ class ModbusAddress:
     baud: int = 9600
     frame: str = "8N1"
     host: HostPort | None = field(default=None, compare=False)
+    ascii: bool = False
 
     @classmethod
     def parse(cls, address: str) -> ModbusAddress:
         """Read an address.
 
-        `modbus-tcp://HOST[:PORT]/UNIT`, `modbus-rtu:///dev/NAME/UNIT[?baud=B&frame=8N1]`,
-        `modbus-rtu://socket://HOST:PORT/UNIT`, `sim://KEY/NAME`, or `modbus-rtu://sim://KEY/NAME/UNIT`.
+        `modbus-tcp://HOST[:PORT]/UNIT`, `modbus-rtu:///dev/NAME/UNIT[?baud=B&frame=8N1]`, `sim://KEY/NAME`,
+        `modbus-rtu://socket://HOST:PORT/UNIT` (both also `modbus-ascii:`), or `modbus-rtu://sim://KEY/NAME/UNIT`.
 
         Raises:
             WrongAddress: it has none of these forms.
@@ -146,15 +149,16 @@ class ModbusAddress:
         if _SIMULATED.fullmatch(address):
             return cls("sim", address, 1)
         scheme, separator, rest = address.partition("://")
-        if not separator or scheme not in ("modbus-tcp", "modbus-rtu"):
+        if not separator or scheme not in ("modbus-tcp", "modbus-rtu", "modbus-ascii"):
             raise _no_modbus(address, _unknown(scheme if separator else "", address))
         way, _, query = rest.partition("?")
         place, _, last = way.rpartition("/")
         if not last.isascii() or not last.isdigit() or not place:
             raise _no_modbus(address, "it does not end in the device's unit, as in .../1")
         unit = int(last)
-        if scheme == "modbus-rtu":
-            return cls._rtu(address, place, unit, query if "?" in rest else None)
+        if scheme != "modbus-tcp":
+            options, ascii_ = query if "?" in rest else None, scheme == "modbus-ascii"
+            return replace(cls._rtu(address, place, unit, options, _FRAMES_OF[scheme]), ascii=ascii_)
         host = _host_port(place, _MODBUS_PORT)
         if isinstance(host, str):
             raise _no_modbus(address, host)
@@ -165,7 +169,7 @@ class ModbusAddress:
         return cls("tcp", f"{host.host}:{host.port}", unit, host=host)
 
     @classmethod
-    def _rtu(cls, address: str, place: str, unit: int, query: str | None) -> ModbusAddress:
+    def _rtu(cls, address: str, place: str, unit: int, query: str | None, frames: Sequence[str]) -> ModbusAddress:
         if not 1 <= unit <= 247:
             raise _no_modbus(address, f"unit {unit} is not 1 to 247")
         if place.startswith("socket://"):
@@ -187,11 +191,10 @@ class ModbusAddress:
         unknown = given.keys() - {"baud", "frame"}
         if unknown or (query is not None and not given):
             raise _no_modbus(address, f"its options are baud and frame, not {', '.join(sorted(unknown)) or query!r}")
-        baud, frame = given.get("baud", "9600"), given.get("frame", "8N1")
-        if baud not in map(str, _BAUDS):
-            raise _no_modbus(address, f"baud={baud} is not one of {', '.join(map(str, _BAUDS))}")
-        if frame not in _FRAMES:
-            raise _no_modbus(address, f"frame={frame} is not one of {', '.join(_FRAMES)}")
+        baud, frame = given.get("baud", "9600"), given.get("frame", frames[0])
+        for key, value, known in (("baud", baud, _BAUDS), ("frame", frame, frames)):
+            if value not in known:
+                raise _no_modbus(address, f"{key}={value} is not one of {', '.join(known)}")
         return cls("rtu", device, unit, int(baud), frame)
 
     @property

@@ -220,7 +220,7 @@ class ModbusWires:
         """The device at `address`; raises `Unreachable`."""
         parsed = ModbusAddress.parse(address)
         first, wire = self._wires.get((parsed.kind, parsed.place)) or self._opened(parsed, label)
-        if (first.baud, first.frame) != (parsed.baud, parsed.frame):
+        if (first.baud, first.frame, first.ascii) != (parsed.baud, parsed.frame, parsed.ascii):
             raise Unreachable(
                 f"{label or address}: {parsed.place} already runs at {first.baud} baud {first.frame}; "
                 f"devices on one line must agree on its settings"

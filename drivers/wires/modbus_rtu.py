@@ -13,7 +13,7 @@ from pymodbus.framer.rtu import FramerRTU
 
 from rig.drivers.errors import BadReply
 
-_READS, _WRITE_ONE, _LOOPBACK, _WRITE = (3, 4), 6, 8, 16
+_BITS, _READS, _WRITE_ONE, _LOOPBACK, _WRITE = (1, 2), (3, 4), 6, 8, 16
 _EXCEPTION_SIZE, _ECHO_SIZE = 5, 8
 _LEAST = 3  # number of words in a read that must be distinct from others: numbers and codes have one or two
 
@@ -38,8 +38,9 @@ def fits(heard: bytes, sent: bytes) -> bool:
     function = sent[1]
     if heard[1] == function | 0x80:
         return len(heard) == _EXCEPTION_SIZE
-    if function in _READS:
-        size = 2 * int.from_bytes(sent[4:6], "big")
+    if function in _READS + _BITS:
+        count = int.from_bytes(sent[4:6], "big")
+        size = 2 * count if function in _READS else (count + 7) // 8
         return heard[1:3] == bytes((function, size)) and len(heard) == 5 + size
     if function == _WRITE:
         return heard[:6] == sent[:6] and len(heard) == _ECHO_SIZE

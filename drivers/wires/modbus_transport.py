@@ -9,8 +9,10 @@ import serial
 
 from rig.drivers.clock import Clock
 from rig.drivers.wires.addresses import ModbusAddress
+from rig.drivers.wires.modbus_rtu import framed
 
 _CONNECT_S = 3.0  # chosen
+_MOST_CHARACTERS = 513  # of a frame of Modbus ASCII; MODBUS over Serial Line 1.02, 2.5.2.1
 
 
 class Transport(Protocol):
@@ -120,8 +122,58 @@ class RtuTransport:
         self._port.close()
 
 
+class AsciiTransport:
+    """Modbus ASCII on another transport: what is sent and received here are the same frames as RTU has them.
+
+    A line with a wrong checksum, or without its end, is received as it is, and is no answer. Source: MODBUS over Serial
+    Line 1.02, 2.5.2.
+
+    Args:
+        wire: transport of the characters.
+    """
+
+    def __init__(self, wire: Transport) -> None:
+        self._wire = wire
+        self._unread = b""
+
+    def send(self, data: bytes) -> None:
+        """Send a frame."""
+        body = data[:-2]
+        self._wire.send(b":%s\r\n" % (body + bytes((-sum(body) & 0xFF,))).hex().upper().encode())
+
+    def recv(self, seconds: float) -> bytes:
+        """Whole frames, waiting at most this long for each piece of them; empty if nothing came."""
+        while b"\n" not in self._unread and len(self._unread) < _MOST_CHARACTERS:
+            more = self._wire.recv(seconds)
+            if not more:
+                torn, self._unread = self._unread, b""
+                return torn
+            self._unread += more
+        *lines, self._unread = self._unread.split(b"\n")
+        if not lines:
+            lines, self._unread = [self._unread], b""
+        return b"".join(map(_as_rtu, lines))
+
+    def close(self) -> None:
+        """Release the wire; idempotent."""
+        self._wire.close()
+
+
+def _as_rtu(line: bytes) -> bytes:
+    """A frame of Modbus ASCII without its last character as one of RTU; the line itself if it is none."""
+    try:
+        body = bytes.fromhex(line.decode("ascii").removeprefix(":").removesuffix("\r"))
+    except ValueError:
+        return line
+    whole = line[:1] == b":" and line[-1:] == b"\r" and len(body) >= 3 and not sum(body) & 0xFF
+    return framed(body[0], body[1:-1]) if whole else line
+
+
 def open_transport(address: ModbusAddress, clock: Clock) -> Transport:
     """Connect to a real device, or to a simulated one in another process; raises `OSError`."""
+    wire: Transport
     if address.host is None:
-        return RtuTransport(address, clock)
-    return TcpTransport(address.host.host, address.host.port, clock.timeout(_CONNECT_S))
+        wire = RtuTransport(address, clock)
+    else:
+        wire = TcpTransport(address.host.host, address.host.port, clock.timeout(_CONNECT_S))
+    return AsciiTransport(wire) if address.ascii else wire

@@ -100,7 +100,7 @@ class RegistersTwin(Behaviour):
 
     def _shown(self, place: str, ask: Ask) -> float:
         """The number of a register: of a setting what was written, otherwise what the instrument says."""
-        key = ask.table, (ask.register_ or 0) - self.table.wire.first_register
+        key = "coil" if ask.table == "discrete" else ask.table, (ask.register_ or 0) - self.table.wire.first_register
         if place.startswith(("check", "mark")) and key in self._tells:
             return self._kept.get(
                 key, float(ask.is_) + 1.0 if isinstance(ask, Check) and not isinstance(ask.is_, str) else 0.0

@@ -1,0 +1,69 @@
+"""Numbers that a foreign instrument sends otherwise: after a comma, infinite, or as a code that is no reading."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+from declared_bench import DeclaredBench
+
+from rig.contracts.declared.forms import Form, step_of
+from rig.contracts.declared.instrument import parse
+from rig.drivers.roles import OVERLOAD
+
+CONTROLLER = """
+maker = "ACME"
+model = "C3"
+prepare = [{ register = 9, table = "coil", value = 1 }]
+check = [{ register = 9, table = "discrete", is = 1 }]
+[wire]
+protocol = "modbus"
+[identity]
+register = 122
+is = 1234
+[reader]
+unit = "bar"
+reading = { register = 1, type = "TYPE", words = { WORD = "error: its sensor is broken" } }
+"""
+
+
+@pytest.mark.parametrize(
+    ("kind", "word", "said"),
+    [
+        ("int16", "0x8003", "0x8003 is never the number of an int16; write -32765"),
+        ("int16", "32771", "32771 is never the number of an int16; write -32765"),
+        ("uint16", "0x8003", "write 32771"),
+        ("int16", "broken", "broken is no number"),
+    ],
+)
+def test_a_code_that_no_register_can_have_is_refused(kind: str, word: str, said: str) -> None:
+    """The code of a broken sensor was taken for -3276.5 degC."""
+    with pytest.raises(ValueError, match=said):
+        parse(CONTROLLER.replace("TYPE", kind).replace("WORD", word))
+
+
+@pytest.mark.parametrize(("kind", "word"), [("int16", "-32765"), ("uint16", "32771"), ("float32", "NaN")])
+def test_a_code_that_a_register_can_have_is_taken(kind: str, word: str) -> None:
+    parse(CONTROLLER.replace("TYPE", kind).replace("WORD", word))
+
+
+def test_an_infinite_number_is_an_overload_and_a_coil_is_read_back_as_a_discrete_input() -> None:
+    it = DeclaredBench(CONTROLLER.replace("TYPE", "float32").replace("WORD", "NaN"), protocol="modbus")
+    it.it.identify()
+    it.it.prepare()
+    infinite = list(struct.unpack(">2H", struct.pack(">f", float("inf"))))
+    it.twin.words = lambda table, address, before=it.twin.words: infinite if address == 1 else before(table, address)
+    it.it.start(1)
+    assert list(it.it.fetch().values()) == [[OVERLOAD]]
+    assert it.it.wrong() == ()
+
+
+def test_a_number_may_have_a_comma() -> None:
+    form = Form("{value:7,3};{unit}")
+    assert form.read(" 20,044;C") == {"value": "20,044", "unit": "C"}
+    assert form.fields["value"].read("20,044") == 20.044
+    assert form.write({"value": 20.044, "unit": "C"}) == " 20,044;C"
+    assert form.read(" 20.044;C") is None
+    assert form.read(" 20,04;C") is None
+    assert Form(form.text).filled({"unit": "C"}).text == "{value:7,3};C"
+    assert step_of("20,04") == 0.01  # an acknowledged value may differ by no more
