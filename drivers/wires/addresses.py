@@ -125,7 +125,7 @@ class ModbusAddress:
         baud: symbols per second of a serial line; 9600 is the factory setting of a Watlow F4T.
         frame: data bits, parity, stop bits of a serial line.
         host: host of a network address.
-        ascii: whether frames are lines of hexadecimal digits: Modbus ASCII in the place of RTU.
+        ascii: whether frames are lines of hexadecimal digits: Modbus ASCII, not RTU.
     """
 
     kind: Literal["tcp", "rtu", "rtu-over-tcp", "sim", "sim-rtu"]
