@@ -6,20 +6,66 @@ procedure, stored in the run file.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from rig.fitter.errors import FitError
 from rig.procedures.plan.run_list import RunList
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.fit import fit_pressure, named_formula
-from rig.procedures.pressure.fit.models import check_determined
-from rig.procedures.pressure.settings import WholePlotProcedure
+from rig.procedures.pressure.fit.models import ONE_TEMPERATURE, check_determined, usual
+
+if TYPE_CHECKING:
+    from rig.procedures.pressure.settings import WholePlotProcedure
+    from rig.procedures.tables.table import Table
 
 REHEARSED = 600
 """Maximum number of points for a rehearsal of the fit on simulated readings; its time grows with their cube."""
 OUTPUT = "rehearsed_mV"
 ACCEPTED_BY = "in-flight zero + WLS"
 """Method whose reading error is judged by acceptance."""
+
+
+@dataclass(frozen=True)
+class Declared:
+    """The declared model of a whole-plot table.
+
+    Attributes:
+        model: a name of terms, or a formula.
+        source: its source: "--formula", "procedure" or "default".
+        procedure: the declaration of the run's procedure; None without.
+    """
+
+    model: str
+    source: str
+    procedure: str | None
+
+    @staticmethod
+    def of(table: Table, asked: str | None, data: WholePlotData) -> Declared:
+        """As requested; otherwise as declared by the procedure of the table's run; otherwise of second order."""
+        told = table.declared.get("formula")
+        if asked is not None:
+            return Declared(asked, "--formula", told)
+        return Declared(usual(data), "default", None) if told is None else Declared(told, "procedure", told)
+
+    def to_dict(self) -> dict[str, str | None]:
+        """JSON values, with a sentence."""
+        if self.source == "procedure":
+            said = f"model {self.model}, as the run's procedure declares it"
+        elif self.source == "default":
+            said = f"model {self.model}: none is declared"
+            if self.model == ONE_TEMPERATURE:
+                said += (
+                    ", and the temperatures that were set do not determine terms of T_SSE; it holds where T_SSE "
+                    "follows T_sensor as in these data"
+                )
+        elif self.procedure is None:
+            said = f"model {self.model}, as --formula says"
+        else:
+            said = f"model {self.model}, as --formula says; the run's procedure declares {self.procedure}"
+        return {"fitted": self.model, "source": self.source, "procedure": self.procedure, "sentence": said}
 
 
 def check_declared(procedure: WholePlotProcedure, run_list: RunList) -> None:

@@ -19,10 +19,11 @@ from rig.procedures.evaluate.trace_shown import in_full
 from rig.procedures.present.blocks import Block
 from rig.procedures.present.words import doubts_of, noise_of, verdict
 from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.declared import Declared
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.effects.scene import PressureEffect
 from rig.procedures.pressure.figures import effect_figures
-from rig.procedures.pressure.fitted import Declared, alive
+from rig.procedures.pressure.table import alive
 from rig.procedures.pressure.table import unused as unused_columns
 from rig.procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace, trace_whole_plots
 from rig.procedures.tables.file_rows import rows_of_file

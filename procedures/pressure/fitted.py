@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -16,14 +16,14 @@ from rig.procedures.evaluate.acceptance import Verdict, gross_words
 from rig.procedures.evaluate.fit_in_short import MANY
 from rig.procedures.evaluate.left_out import FitSummary, LeaveOut, Searched, kept_with, search
 from rig.procedures.present.blocks import Block, headline
-from rig.procedures.pressure.declared import ACCEPTED_BY
+from rig.procedures.pressure.declared import ACCEPTED_BY, Declared
 from rig.procedures.pressure.fit import PressureFit, fit_transducers, named_formula, variance_inflation
 from rig.procedures.pressure.fit.methods import METHOD
-from rig.procedures.pressure.fit.models import ONE_TEMPERATURE, coefficient_unit, usual
+from rig.procedures.pressure.fit.models import coefficient_unit
 from rig.procedures.pressure.gross import of_whole_plots
 from rig.procedures.pressure.shown import show_whole_plot_fit, show_whole_plot_fit_in_short
+from rig.procedures.pressure.table import alive
 from rig.procedures.pressure.table import unused as unused_columns
-from rig.procedures.pressure.table import whole_plot_data
 from rig.procedures.pressure.words import HOLD_AT, largest_words
 from rig.procedures.tables.file_rows import rows_of_file
 
@@ -34,46 +34,6 @@ if TYPE_CHECKING:
     from rig.procedures.pressure.data import WholePlotData
     from rig.procedures.pressure.settings import WholePlotProcedure
     from rig.procedures.tables.table import Table
-
-
-@dataclass(frozen=True)
-class Declared:
-    """The declared model of a whole-plot table.
-
-    Attributes:
-        model: a name of terms, or a formula.
-        source: its source: "--formula", "procedure" or "default".
-        procedure: the declaration of the run's procedure; None without.
-    """
-
-    model: str
-    source: str
-    procedure: str | None
-
-    @staticmethod
-    def of(table: Table, asked: str | None, data: WholePlotData) -> Declared:
-        """As requested; otherwise as declared by the procedure of the table's run; otherwise of second order."""
-        told = table.declared.get("formula")
-        if asked is not None:
-            return Declared(asked, "--formula", told)
-        return Declared(usual(data), "default", None) if told is None else Declared(told, "procedure", told)
-
-    def to_dict(self) -> dict[str, str | None]:
-        """JSON values, with a sentence."""
-        if self.source == "procedure":
-            said = f"model {self.model}, as the run's procedure declares it"
-        elif self.source == "default":
-            said = f"model {self.model}: none is declared"
-            if self.model == ONE_TEMPERATURE:
-                said += (
-                    ", and the temperatures that were set do not determine terms of T_SSE; it holds where T_SSE "
-                    "follows T_sensor as in these data"
-                )
-        elif self.procedure is None:
-            said = f"model {self.model}, as --formula says"
-        else:
-            said = f"model {self.model}, as --formula says; the run's procedure declares {self.procedure}"
-        return {"fitted": self.model, "source": self.source, "procedure": self.procedure, "sentence": said}
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,16 +171,6 @@ def fit_whole_plots(
         return WholePlotFitted(table, data.take(searched.used), fits, method, dead, searched, declared, others)
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error
-
-
-def alive(table: Table) -> tuple[WholePlotData, dict[str, str]]:
-    """The data of usable transducers, and the defects of the others."""
-    data = whole_plot_data(table)
-    dead = {n: f"reads {v[0]:g} mV throughout" for n, v in data.outputs.items() if float(np.ptp(v)) == 0.0}
-    outputs = {name: values for name, values in data.outputs.items() if name not in dead}
-    if not outputs:
-        raise DataError(f"{table.source}: {'; '.join(f'{n} {why}' for n, why in dead.items())}: nothing to calibrate")
-    return (replace(data, outputs=outputs) if dead else data), dead
 
 
 def with_units(sensor: dict[str, Any]) -> dict[str, Any]:

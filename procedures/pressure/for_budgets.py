@@ -10,7 +10,8 @@ from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.pressure.budget import NAMES, PRESSURE, SENSOR, SSE, Point, PressureEvaluation
 from rig.procedures.pressure.data import WholePlotData
-from rig.procedures.pressure.fitted import Declared, alive
+from rig.procedures.pressure.declared import Declared
+from rig.procedures.pressure.table import alive
 from rig.procedures.tables.table import Table
 
 

@@ -100,3 +100,13 @@ def whole_plot_data(table: Table) -> WholePlotData:
         return data
     except FitError as error:
         raise DataError(f"{table.source}: {error}") from error
+
+
+def alive(table: Table) -> tuple[WholePlotData, dict[str, str]]:
+    """The data of usable transducers, and the defects of the others."""
+    data = whole_plot_data(table)
+    dead = {n: f"reads {v[0]:g} mV throughout" for n, v in data.outputs.items() if float(np.ptp(v)) == 0.0}
+    outputs = {name: values for name, values in data.outputs.items() if name not in dead}
+    if not outputs:
+        raise DataError(f"{table.source}: {'; '.join(f'{n} {why}' for n, why in dead.items())}: nothing to calibrate")
+    return (replace(data, outputs=outputs) if dead else data), dead

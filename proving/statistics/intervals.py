@@ -32,8 +32,8 @@ from rig.procedures.general.evaluate import GeneralTraced
 from rig.procedures.general.trace import trace_general
 from rig.procedures.general.trace.estimate import estimate
 from rig.procedures.general.trace.run import problem_of
+from rig.procedures.pressure.declared import Declared
 from rig.procedures.pressure.evaluate import WholePlotTraced
-from rig.procedures.pressure.fitted import Declared
 from rig.procedures.pressure.trace import trace_whole_plots
 from rig.procedures.tables.table import Table
 
