@@ -66,7 +66,7 @@ def test_without_a_confirmation_of_this_effect_it_says_what_it_said(given):
 
 def test_the_state_of_the_effect_says_what_was_excluded():
     finding = SimpleNamespace(
-        more={},
+        own_keys={},
         kind="effect",
         effect="drift:elapsed_s",
         size="1 mV",

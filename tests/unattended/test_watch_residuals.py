@@ -57,7 +57,8 @@ def test_columns_of_an_observation_without_a_temperature_are_nan():
             "pressure_psia": np.array([1.0, 2.0]),
             "sensor_temperature_degC": np.array([3.0, np.nan]),
             "sse_temperature_degC": np.array([4.0, 5.0]),
-        }
+        },
+        {},
     )
     assert columns is not None
     assert np.isfinite(columns[0]).all()
