@@ -82,7 +82,7 @@ class TracedSensor(Generic[S, E]):
 
 
 C = TypeVar("C")
-T_ = TypeVar("T_", bound=Entry)
+Described = TypeVar("Described", bound=Entry)
 T = TypeVar("T", bound=TracedSensor[Any, Any])
 
 
@@ -138,7 +138,9 @@ def parameters_of(
     return (*own, *(one for effect in effects for one in effect.parameters))
 
 
-def experiments(effect: T_, aliases: Iterable[T_], separate: Callable[[T_, T_], str]) -> str:
+def experiments(
+    effect: Described, aliases: Iterable[Described], separate: Callable[[Described, Described], str]
+) -> str:
     """Recommended measurement: against each alias if there are any, otherwise to confirm the effect."""
     return "; ".join(dict.fromkeys(separate(effect, alias) for alias in aliases)) or effect.separate_by
 
@@ -163,7 +165,7 @@ def of_left_out(
     return (*failed, f"{LEFT_OUT}{how}")
 
 
-def told(
+def with_shares(
     shown: Iterable[E], divided: FloatArray, doubt: Callable[[E], str | None], left_in: AbstractSet[str] = frozenset()
 ) -> tuple[E, ...]:
     """The effects of a sensor with their shares (q,) and doubts, largest share first; some are left in its output."""

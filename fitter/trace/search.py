@@ -40,7 +40,7 @@ class Bounds(Protocol):
     """A judge that is done sooner where a level is all that counts."""
 
     def p_up_to(self, chosen: tuple[int, ...], j: int, most: float) -> float:
-        """`p_adjusted`; one above `most` need only be known to be above it."""
+        """`p_adjusted`; whether it is above `most` is all that need be known."""
 
 
 class Judge(Searched, Protocol):

@@ -23,8 +23,8 @@ from rig.procedures.pressure.declared import Declared
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.effects.scene import PressureEffect
 from rig.procedures.pressure.figures import effect_figures
-from rig.procedures.pressure.table import alive
 from rig.procedures.pressure.table import unused as unused_columns
+from rig.procedures.pressure.table import usable
 from rig.procedures.pressure.trace import FoundPressureEffect, TransducerTrace, WholePlotTrace, trace_whole_plots
 from rig.procedures.tables.file_rows import rows_of_file
 from rig.procedures.tables.table import Table
@@ -114,7 +114,7 @@ def trace_whole_plot_table(
         own: effects of the laboratory.
         validate: as for `trace_whole_plots`.
     """
-    data, dead = alive(table)
+    data, dead = usable(table)
     declared = Declared.of(table, model, data)
     try:
         with rows_of_file(table):

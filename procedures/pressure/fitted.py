@@ -22,8 +22,8 @@ from rig.procedures.pressure.fit.methods import METHOD
 from rig.procedures.pressure.fit.models import coefficient_unit
 from rig.procedures.pressure.gross import of_whole_plots
 from rig.procedures.pressure.shown import show_whole_plot_fit, show_whole_plot_fit_in_short
-from rig.procedures.pressure.table import alive
 from rig.procedures.pressure.table import unused as unused_columns
+from rig.procedures.pressure.table import usable
 from rig.procedures.pressure.words import HOLD_AT, largest_words
 from rig.procedures.tables.file_rows import rows_of_file
 
@@ -149,7 +149,7 @@ def fit_whole_plots(
     Raises:
         DataError: columns or values are missing, or the rows do not determine the model or its errors.
     """
-    data, dead = alive(table)
+    data, dead = usable(table)
     declared = Declared.of(table, model, data)
     asked = LeaveOut.of(leave_out, table)
 

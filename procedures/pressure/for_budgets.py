@@ -11,7 +11,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.pressure.budget import NAMES, PRESSURE, SENSOR, SSE, Point, PressureEvaluation
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.declared import Declared
-from rig.procedures.pressure.table import alive
+from rig.procedures.pressure.table import usable
 from rig.procedures.tables.table import Table
 
 
@@ -30,7 +30,7 @@ def pressure_evaluation(
         traced: with the effects that a trace finds.
         extra: further terms, without `traced`.
     """
-    data, _ = alive(table)
+    data, _ = usable(table)
     model = Declared.of(table, formula, data).model
     try:
         if not traced:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.markup import escape
 
@@ -14,9 +14,6 @@ from rig.procedures.present.blocks import Block, Grid, Line
 from rig.procedures.present.gross_shown import show_gross, show_left_out
 from rig.procedures.present.numbers import number
 from rig.procedures.pressure.words import IN_USE, errors_as_cells, errors_in_words, in_use_words, low_pressure
-
-if TYPE_CHECKING:
-    pass
 
 _MEASURES = (
     ("in_use", "max_pct", "largest reading error in use / %"),

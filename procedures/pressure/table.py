@@ -102,7 +102,7 @@ def whole_plot_data(table: Table) -> WholePlotData:
         raise DataError(f"{table.source}: {error}") from error
 
 
-def alive(table: Table) -> tuple[WholePlotData, dict[str, str]]:
+def usable(table: Table) -> tuple[WholePlotData, dict[str, str]]:
     """The data of usable transducers, and the defects of the others."""
     data = whole_plot_data(table)
     dead = {n: f"reads {v[0]:g} mV throughout" for n, v in data.outputs.items() if float(np.ptp(v)) == 0.0}

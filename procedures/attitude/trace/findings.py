@@ -13,7 +13,7 @@ from rig.fitter.replication import Replication
 from rig.fitter.trace.aliases import Rival, separation
 from rig.fitter.trace.doubts import beside_a_wander, by_chance, error_rises
 from rig.fitter.trace.drawn import drawn, drawn_instead, drawn_period
-from rig.fitter.trace.found import experiments, of_left_out, told, verdict
+from rig.fitter.trace.found import experiments, of_left_out, verdict, with_shares
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import CLEAR
 from rig.fitter.trace.not_kept import NotKept, for_others
@@ -97,7 +97,7 @@ def sensor_trace(
             doubts.get(effect.effect) or rises or (beside_a_wander() if walks else None) or by_chance(effect.p_adjusted)
         )
 
-    every = told(shown, divided, doubt, inside)
+    every = with_shares(shown, divided, doubt, inside)
     fell = not inside and stated.tables[i].sigma_E < before.tables[i].sigma_E
     smooth = tuple(effect for effect in every if effect.effect in NAMELESS)
     effects = tuple(effect for effect in every if effect.effect not in NAMELESS)

@@ -17,7 +17,7 @@ from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.noise import Wandering
 from rig.fitter.trace.engine.shared import Shared
-from rig.fitter.trace.found import of_left_out, parameters_of, told, verdict
+from rig.fitter.trace.found import of_left_out, parameters_of, verdict, with_shares
 from rig.fitter.trace.not_kept import in_place_of
 from rig.fitter.trace.outcome import CONDITIONAL, UNSIGNED
 from rig.fitter.trace.search import names_of
@@ -80,7 +80,7 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
     def doubt(effect: FoundTableEffect) -> str | None:
         return _unsettled(effect, data) or doubts.get(effect.effect) or _doubt(effect, wandering, tried)
 
-    effects, rest = told(shown, divided, doubt), of_rest(divided, left)
+    effects, rest = with_shares(shown, divided, doubt), of_rest(divided, left)
     cv, words, lost = ((None, None), None, 0) if crossed is None else crossed
     words = data.shares if words == SHARING else words
     sides = [

@@ -14,7 +14,7 @@ from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import separation
 from rig.fitter.trace.drawn import drawn, drawn_instead, drawn_period
 from rig.fitter.trace.engine.beside import Level
-from rig.fitter.trace.found import CONFIRMED, experiments, of_left_out, parameters_of, told, verdict
+from rig.fitter.trace.found import CONFIRMED, experiments, of_left_out, parameters_of, verdict, with_shares
 from rig.fitter.trace.lines import CLEAR
 from rig.fitter.trace.not_kept import for_others, left_to_whole_plots
 from rig.fitter.trace.outcome import CONDITIONAL, Finding, remains
@@ -50,7 +50,7 @@ def transducer(run: Run, i: int) -> TransducerTrace:
     divided = _shares(run, [effect.effect for effect in shown], unnamed_part(left), i)
     kept_in, in_part = (names_in(run, one, i) for one in (run.stated.left_in, run.stated.within))
     effects = (
-        *told(shown, divided, lambda effect: doubt(run, effect, i), kept_in),
+        *with_shares(shown, divided, lambda effect: doubt(run, effect, i), kept_in),
         *noise_findings(run, i),
     )
     rest = of_rest(divided, left)
