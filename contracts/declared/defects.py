@@ -34,18 +34,24 @@ def unknown_words(place: str, given: Mapping[str, str]) -> Iterator[str]:
 
 
 def wrong_numbers(place: str, given: Mapping[str, str], kind: str) -> Iterator[str]:
-    """Words of a register that are numbers which it cannot have; `kind` is the type of its number."""
+    """Words of a register that are numbers which it cannot have, or not in decimals; `kind` is its type of number."""
     bits = int(kind[-2:]) if kind != "bit" else 1
     low = -(1 << bits - 1) if kind.startswith("int") else 0
     for word in given:
         try:
-            number = int(word, 0) if word[:2].lower() == "0x" else float(word)
+            number = int(word, 0) if (coded := word[:2].lower() == "0x") else float(word)
         except ValueError:
             yield f"{place}: {word} is no number; a register has numbers"
             continue
-        if word[:2].lower() == "0x" or (kind != "float32" and not low <= number < low + (1 << bits)):
-            signed = number - (1 << bits) if low and (1 << bits - 1) <= number < 1 << bits else number
-            yield f"{place}: {word} is never the number of an {kind}; write {signed:.0f}"
+        if kind == "float32":
+            if coded:
+                yield f"{place}: {word} is a code; a register of type float32 has numbers, NaN, inf or -inf: write that"
+            continue
+        own = number - (1 << bits) if low and (1 << bits - 1) <= number < 1 << bits else number
+        if not low <= own < low + (1 << bits):
+            yield f"{place}: {word} is outside {low} to {low + (1 << bits) - 1}, the numbers of type {kind}"
+        elif coded or own != number:
+            yield f"{place}: a register of type {kind} has {word} as {own:.0f}; write {own:.0f}"
 
 
 def unknown_fields(skip: Iterable[str]) -> Iterator[str]:

@@ -222,7 +222,8 @@ class ModbusWires:
         first, wire = self._wires.get((parsed.kind, parsed.place)) or self._opened(parsed, label)
         if (first.baud, first.frame, first.ascii) != (parsed.baud, parsed.frame, parsed.ascii):
             raise Unreachable(
-                f"{label or address}: {parsed.place} already runs at {first.baud} baud {first.frame}; "
+                f"{label or address}: {parsed.place} already runs at {first.baud} baud {first.frame}"
+                f"{' in Modbus ASCII' if first.ascii else ''}; "
                 f"devices on one line must agree on its settings"
             )
         return ModbusLine(wire, parsed, address, label, self._tap, timeout_s)

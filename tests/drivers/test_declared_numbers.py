@@ -30,9 +30,11 @@ reading = { register = 1, type = "TYPE", words = { WORD = "error: its sensor is 
 @pytest.mark.parametrize(
     ("kind", "word", "said"),
     [
-        ("int16", "0x8003", "0x8003 is never the number of an int16; write -32765"),
-        ("int16", "32771", "32771 is never the number of an int16; write -32765"),
+        ("int16", "0x8003", "type int16 has 0x8003 as -32765; write -32765"),
+        ("int16", "32771", "type int16 has 32771 as -32765; write -32765"),
         ("uint16", "0x8003", "write 32771"),
+        ("uint16", "70000", "70000 is outside 0 to 65535, the numbers of type uint16"),
+        ("float32", "0x7FC00000", "0x7FC00000 is a code; .* NaN, inf or -inf: write that"),
         ("int16", "broken", "broken is no number"),
     ],
 )
