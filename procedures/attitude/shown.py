@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.markup import escape
 
@@ -14,9 +14,6 @@ from rig.procedures.present.blocks import Block, Grid, Line
 from rig.procedures.present.gross_shown import show_gross, show_left_out
 from rig.procedures.present.numbers import with_interval
 from rig.procedures.present.words import TESTS, significant
-
-if TYPE_CHECKING:
-    pass
 
 
 def show_attitude_fit(result: Mapping[str, Any]) -> Iterator[Block]:

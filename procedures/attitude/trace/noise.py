@@ -1,4 +1,4 @@
-"""FoundEffects about noise: a random walk of the offset, growing scatter, outliers.
+"""Findings about noise: a random walk of the offset, growing scatter, outliers.
 
 These findings have the stratum "noise". They limit the validity of other findings and of intervals; no column is added
 to the model for them.
@@ -23,7 +23,7 @@ from rig.procedures.attitude.trace.wander import walk_evidence
 
 
 def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[FoundEffect, ...]:
-    """FoundEffects about noise in the residual of sensor `i` with the effects."""
+    """Findings about noise in the residual of sensor `i` with the effects."""
     if problem.levels.df(problem.levels.of_error) <= 0:
         return ()
     sigma = errors(problem, after.chosen)
