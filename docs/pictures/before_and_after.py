@@ -9,7 +9,7 @@ import numpy as np
 
 from rig.by_kind import trace_table
 from rig.procedures.present.pictures import side_by_side
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 SENSOR = "x_V"
 OUT = Path(__file__).with_suffix(".png")

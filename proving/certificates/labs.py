@@ -16,7 +16,7 @@ import numpy as np
 from rig.bench.config import parse_toml
 from rig.examples import example
 from rig.files.toml_text import toml_text
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 _SIZE = re.compile(r"^((?:expanded|half_width|drift|standard) = )([-+.\de]+)$", re.MULTILINE)
 RULES = ("simple", "guard-band", "probability", "shared-risk")

@@ -30,7 +30,7 @@ from rig.procedures.evaluate.reversibility import SERIES
 from rig.run_file.read.reader import RunReader
 from rig.runs.controller import start_run
 from rig.runs.plans import load_plan
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.verbs.budget.evaluation import DOMINATED
 from rig.verbs.budget.result import budget
 from rig.verbs.certificate import standing_sentences as words

@@ -20,7 +20,7 @@ from rig.run_file.state.state import fold
 from rig.run_file.verify.verification import restored
 from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import _losses
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 FLIPS = 512
 """In a finished file one bit is flipped in every so many bytes."""

@@ -15,7 +15,7 @@ from rig.sims.physics.expression import Formula
 from rig.sims.physics.laboratory_truth import AnySensorTruth, SourceTruth
 from rig.sims.physics.pressure_truth import TransducerTruth
 from rig.sims.physics.truth import SensorTruth
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 
 def deviations(played: Played) -> Iterator[tuple[str, float, float]]:

@@ -19,7 +19,7 @@ from rig.procedures.attitude.infer import calibrate_package
 from rig.procedures.attitude.table import attitude_data
 from rig.runs.controller import start_run
 from rig.runs.plans import load_plan
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 
 def capture(night: Night, folder: Path, seed: int, on_progress: Callable[[Progress], None]) -> AttitudeData:

@@ -16,7 +16,7 @@ from rig.by_kind import trace_table
 from rig.examples import example
 from rig.procedures.attitude.evaluate import AttitudeTraced
 from rig.runs.plans import load_plan
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 LAB = example("attitude-lab")
 HIDDEN = {"isolation-pad-deflection", "sensitivity-temperature"}

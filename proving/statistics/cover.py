@@ -19,7 +19,7 @@ from proving.statistics.confirm import NO_ROLL
 from proving.statistics.dry_runs import Truth, one_sensor
 from proving.statistics.frame import Figures, Part, Results, Study
 from rig.by_kind import fit_table
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 OFFSET_V, S_V = 0.0123, 5.02
 SENSOR: Truth = {

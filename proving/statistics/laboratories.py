@@ -22,7 +22,7 @@ from rig.procedures.general.trace import search_table
 from rig.procedures.tables.table import Table
 from rig.run_file.events.bench import Warned
 from rig.run_file.read.reader import RunReader
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 HIDDEN: Mapping[str, str] = {
     "load-cell-lab": "creep:force_kN",

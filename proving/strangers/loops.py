@@ -34,7 +34,7 @@ from rig.loop import start_loop
 from rig.loop.evaluation import Evaluation
 from rig.runs.controller import Site, opened, start_run
 from rig.runs.plans import Plan, load_plan
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 KIND, OUTPUT, HOURS = "attitude", "y_V", 16.0
 PITCHES = [15.0 * k - 75.0 for k in range(11)]

@@ -134,7 +134,7 @@ def demo(
     from rig.by_kind import trace_table  # noqa: PLC0415
     from rig.examples import example  # noqa: PLC0415
     from rig.procedures.evaluate.in_short import in_short  # noqa: PLC0415
-    from rig.tables import run_table  # noqa: PLC0415
+    from rig.tables.table_of_run import run_table  # noqa: PLC0415
     from rig.verbs.write_page import write_page  # noqa: PLC0415
 
     night = _NIGHTS[lab]

@@ -28,8 +28,8 @@ from rig.procedures.present.numbers import number
 from rig.procedures.tables.table import Table
 from rig.register import DOCUMENT, KnownConditions, Register
 from rig.run_file.read.reader import RunReader
-from rig.tables import run_table
 from rig.tables.segments import table_of
+from rig.tables.table_of_run import run_table
 from rig.verbs.budget.evaluation import Evaluated, OfRun, RunBudget, budget_of, checked_run, shapes_at
 
 _PROBABILITY = 0.95

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rig.loop.program import ONE_WITH_FIRST, Program
 from rig.loop.timeline import clock_time
 from rig.procedures.evaluate.results import Page
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.verbs.confirm import Confirmed, sentences
 from rig.verbs.confirm.page import shown_answers, shown_errors
 

@@ -86,7 +86,7 @@ def judge(procedure: Procedure, run_file: Path) -> Sequence[Verdict]:
     Raises:
         RigError: the run cannot be fitted.
     """
-    from rig.tables import run_table  # noqa: PLC0415 - few runs have limits
+    from rig.tables.table_of_run import run_table  # noqa: PLC0415 - few runs have limits
 
     try:
         return kind_of(procedure).judge(procedure, run_table(run_file))

@@ -13,7 +13,6 @@ from rig.procedures.tables.within import Within
 from rig.tables.csv_files import read_any_csv, read_csv, read_gappy_csv, read_seen_csv, write_csv
 from rig.tables.of_others.file_form import NOTHING, FileForm
 from rig.tables.sizes import usable
-from rig.tables.table_of_run import run_table
 
 __all__ = [
     "FileForm",
@@ -23,7 +22,6 @@ __all__ = [
     "read_any_csv",
     "read_gappy_csv",
     "read_table",
-    "run_table",
     "write_csv",
 ]
 
@@ -46,7 +44,11 @@ def read_table(path: Path, asked: FileForm = NOTHING) -> Table:
     """A table from a CSV file or from the accepted observations of a run file. Raises `UsageError` or
     `RunFileError`.
     """
-    return run_table(path) if is_run(path) else read_csv(path, asked)
+    if not is_run(path):
+        return read_csv(path, asked)
+    from rig.tables.table_of_run import run_table  # noqa: PLC0415 - a CSV table needs nothing of run files
+
+    return run_table(path)
 
 
 @dataclass(frozen=True)

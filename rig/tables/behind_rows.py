@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from rig.procedures.column_names import stem_of, with_word
 from rig.procedures.tables.moving import Moving
 from rig.procedures.tables.table import Table
 from rig.procedures.tables.within import Within
-from rig.run_file.events.points import Observed
+
+if TYPE_CHECKING:
+    from rig.run_file.events.points import Observed
 
 COUNT, FLAG = "count", "flag"
 """Columns of an export that are no measured values, by their meaning."""

@@ -67,7 +67,7 @@ def main(arguments: Sequence[str]) -> int:
     run, most_s = Path(arguments[0]), float(arguments[1])
     _step_back(most_s)
     from rig.by_kind import trace_table  # noqa: PLC0415 - at the lowest priority, and within the limit
-    from rig.tables import run_table  # noqa: PLC0415
+    from rig.tables.table_of_run import run_table  # noqa: PLC0415
 
     told = seen(trace_table(run_table(run)).outcomes)
     used_s = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])

@@ -19,7 +19,7 @@ from rig.procedures.general.traced import WithEffects
 from rig.procedures.pressure.budget import PressureEvaluation
 from rig.procedures.pressure.budget_traced import TracedEvaluation
 from rig.procedures.pressure.trace import trace_whole_plots
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.verbs.budget.result import budget
 
 SQUARE = 3e-5

@@ -24,7 +24,7 @@ from rig.fitter.rounding import rounded
 from rig.fitter.trace.outcome import Finding
 from rig.procedures.plan import hand_steps
 from rig.run_file.read.reader import RunReader
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.units.si import per_term
 from rig.verbs.budget.evaluation import checked_run, run_with_register
 from rig.verbs.budget.found import Found, found_in

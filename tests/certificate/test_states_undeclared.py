@@ -11,7 +11,8 @@ import pytest
 from command import rig
 
 from rig.fitter.confirm import Confirmation
-from rig.tables import FileSource, run_table
+from rig.tables import FileSource
+from rig.tables.table_of_run import run_table
 from rig.verbs.budget.evaluation import run_with_register
 from rig.verbs.budget.found import budget_with, found_in
 from rig.verbs.budget.lacking import lacking

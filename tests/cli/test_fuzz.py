@@ -28,8 +28,9 @@ from rig.run_file.read.reader import RunReader
 from rig.run_file.state.state import read_state
 from rig.run_file.verify.verification import verify_file
 from rig.runs.plans import plan_of
-from rig.tables import read_any_csv, run_table
+from rig.tables import read_any_csv
 from rig.tables.csv_files import read_csv
+from rig.tables.table_of_run import run_table
 
 LONG = os.environ.get("HYPOTHESIS_PROFILE") == "long"
 

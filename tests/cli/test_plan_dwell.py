@@ -12,7 +12,7 @@ from general_lab import DVM, PROCEDURE
 from rig.engine.session import Signals
 from rig.runs.controller import start_run
 from rig.runs.plans import load_plan
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.verbs.plan.dwells import narrow_bands, short_dwells
 
 VALVE = """

@@ -21,7 +21,7 @@ from rig.procedures.attitude.words import little_help
 from rig.procedures.present.effects_shown import show_effect
 from rig.procedures.present.words import chance, incomplete, unnamed
 from rig.procedures.tables.table import Table
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.verbs.page import render as rendered
 
 SCRIPT = "<script>alert(1)</script>"

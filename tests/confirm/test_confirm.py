@@ -26,7 +26,7 @@ from rig.procedures.attitude.table import attitude_data
 from rig.procedures.plan.further_runs import Variation, possible
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import plan_of
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.verbs.confirm import (
     Inseparable,
     Proposal,

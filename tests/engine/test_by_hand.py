@@ -31,7 +31,7 @@ from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.sims.physics import Plant
 from rig.sims.world import World
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.unattended.happenings import Kind, RunFacts, from_record
 from rig.unattended.notify.message import compose
 from rig.verbs.plan.result import plan

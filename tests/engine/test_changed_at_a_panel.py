@@ -24,7 +24,7 @@ from rig.run_file.verify.sense import judged
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.simulated.dry_run import DryBench
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 UNIT = 'prepare = ["UNIT:TEMP C"]\ncheck = { "UNIT:TEMP?" = "C" }'
 TERMINALS = 'check = { "ROUT:TERM?" = "FRON" }'

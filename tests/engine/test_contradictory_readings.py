@@ -19,8 +19,9 @@ from rig.engine.session import Outcome
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.own_scatter import ALARM, FEWEST, LOOK_BACK, Contradiction, OwnScatter
 from rig.run_file.verify.sense import judged
-from rig.tables import FileForm, read_any_csv, run_table
+from rig.tables import FileForm, read_any_csv
 from rig.tables.csv_files import read_csv
+from rig.tables.table_of_run import run_table
 from rig.verbs.plan.result import plan
 
 CASES = {

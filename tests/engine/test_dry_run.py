@@ -15,7 +15,7 @@ from rig.engine.session import Outcome, Signals
 from rig.run_file.read.reader import RunReader
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 
 def test_the_same_seed_gives_the_same_bytes_and_observations_in_another_process_too(tmp_path):

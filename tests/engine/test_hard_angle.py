@@ -22,7 +22,7 @@ from rig.run_file.events.points import WholePlotBegan, WholePlotLost
 from rig.run_file.read.reader import RunReader
 from rig.run_file.verify.sense import judged
 from rig.runs.plans import load_plan
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 HEAD = """
 [instruments.head]

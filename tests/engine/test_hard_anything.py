@@ -24,7 +24,7 @@ from rig.run_file.events.points import WholePlotBegan, WholePlotLost
 from rig.run_file.read.reader import RunReader
 from rig.run_file.verify.sense import judged
 from rig.runs.controller import resume_run
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 FIXTURE = (
     lab.SOURCE.replace('input_V = "calibrator"', 'input_V = "calibrator"\ngap_mm = "operator"').replace(

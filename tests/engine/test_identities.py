@@ -10,7 +10,7 @@ from rig.bench.config import parse_bench
 from rig.register import parse_register
 from rig.run_file.events.sessions import Identified
 from rig.run_file.read.reader import RunReader
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.verbs.budget.identities import contradicted, not_told
 
 CONFIG = parse_bench(BENCH, "bench.toml")

@@ -96,3 +96,11 @@ def test_a_fit_of_whole_plots_loads_no_code_of_traces():
     found = loaded("fit", DATA / "pressure-20261121.sqlite")
     assert not of((*OF_TRACES, "rig.procedures.attitude.fit", "rig.procedures.pressure.settings"), found)
     assert "rig.procedures.pressure.fitted" in found
+
+
+def test_a_trace_of_a_csv_table_loads_nothing_of_runs_and_of_registers(tmp_path):
+    table = tmp_path / "table.csv"
+    table.write_text("x,y\n" + "".join(f"{i},{2 * i + 0.1 * (i * 7 % 5)}\n" for i in range(20)))
+    found = loaded("trace", table, "--response", "y", "--formula", "1 + x")
+    assert not of(("rig.run_file", "rig.bench", "rig.register", "rig.verbs.budget", "rig.tables.table_of_run"), found)
+    assert "rig.procedures.general.trace.report" in found

@@ -30,7 +30,7 @@ from rig.procedures.present.words import incomplete
 from rig.procedures.pressure.settings import WholePlotFaults
 from rig.run_file.read.reader import RunReader
 from rig.simulated.dry_run import DryBench
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.verbs.page import story
 
 POINTS = 18

@@ -37,7 +37,7 @@ from rig.run_file.verify.sense import judged
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.sims.serve import Hands
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.unattended.happenings import RunFacts, from_record
 from rig.unattended.notify.message import compose
 from rig.watch.words import state_now

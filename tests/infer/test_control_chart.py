@@ -19,7 +19,8 @@ from rig.by_kind import fit_table
 from rig.cli.commands import app
 from rig.errors import UsageError
 from rig.procedures.present.blocks import Line
-from rig.tables import run_table, write_csv
+from rig.tables import write_csv
+from rig.tables.table_of_run import run_table
 from rig.verbs.budget.result import budget
 from rig.verbs.chart.charted import chart_calibrations
 from rig.verbs.chart.page import chart_page

@@ -20,7 +20,7 @@ from rig.procedures.general.model_settings import SensorModel
 from rig.procedures.general.of_runs import RunModels, fit_run
 from rig.procedures.general.traced import fit_traced
 from rig.procedures.tables.table import Table
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 LEVELS = PROCEDURE.replace("[0, 1, 2, 5]", "[0, 1, 2, 3, 4, 5, 6, 7]")
 HIDDEN = WORLD.replace("noise = 1e-5", 'hidden = "0.0004*force_kN^2 + 0.0003*force_side"\nnoise = 1e-5')

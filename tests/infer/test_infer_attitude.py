@@ -10,7 +10,8 @@ import pytest
 from command import rig
 from dry import SHORT, dry
 
-from rig.tables import run_table, write_csv
+from rig.tables import write_csv
+from rig.tables.table_of_run import run_table
 
 
 @pytest.fixture(scope="module")

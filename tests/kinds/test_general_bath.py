@@ -20,7 +20,7 @@ from rig.run_file.verify.verification import verify_file
 from rig.runs.controller import start_run
 from rig.runs.forecast import rehearse
 from rig.runs.plans import load_plan
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 SLOW = lab.BATH.replace("dwell_s = 60\n", "dwell_s = 60\ntime_constant_s = 120\n")
 THERMOMETER = """

@@ -30,7 +30,7 @@ from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
 from rig.sims.physics.expression import Formula
 from rig.sims.physics.fields import WorldError
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.units.of_instruments import scale
 from rig.verbs.plan.unit_doubts import unit_doubts
 

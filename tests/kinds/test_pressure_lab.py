@@ -22,7 +22,8 @@ from rig.run_file.read.reader import RunReader
 from rig.runs.accepted import judge
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
-from rig.tables import run_table, write_csv
+from rig.tables import write_csv
+from rig.tables.table_of_run import run_table
 
 HERE = (1, 7)
 """The transducers of most tests; all seven are on the line in that of the vacuum pump."""

@@ -15,7 +15,7 @@ from proving.night.play import play
 from proving.night.scenario import EVERY_LAB, draw
 from rig.engine.actions import BenchActions
 from rig.run_file.read.reader import RunReader
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 NIGHTS = {lab: range(8) for lab in EVERY_LAB} | {"attitude": range(24), "bath": range(15)}
 """Those of `FOUND_BY` are among them: each is played once without a bug."""

@@ -24,7 +24,7 @@ from rig.run_file.state.documents import declared_model, mounting_of
 from rig.run_file.state.state import read_state
 from rig.run_file.verify.verification import verify_file
 from rig.runs.plans import stored_plan
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.unattended.systemd_unit import ServiceUnit
 from rig.verbs.page import story
 from rig.watch.feed import RunFeed

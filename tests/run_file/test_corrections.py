@@ -21,7 +21,7 @@ from rig.run_file.verify.verification import verify_file
 from rig.run_file.write.writer import RunWriter
 from rig.runs.controller import resume_run, start_run
 from rig.runs.plans import load_plan
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.unattended.earlier import ended_without_a_word
 from rig.verbs.certificate.parts_in_words import deviations
 

@@ -20,7 +20,7 @@ from proving.forger import Opened, forge
 from rig.errors import UsageError
 from rig.run_file.read.reader import RunReader
 from rig.run_file.verify.verification import verify_file
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.who import Operator, operator
 
 _FAULTS = """

@@ -13,7 +13,7 @@ from rig.examples import example
 from rig.runs.controller import start_run
 from rig.runs.plans import load_plan
 from rig.simulated import dry_run
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 
 LAB = example("attitude-lab")
 

@@ -14,7 +14,7 @@ from rig.examples import example
 from rig.procedures.column_names import split_unit, with_word
 from rig.register import Statement
 from rig.sims.physics.laboratory import _stem
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.units.differences import factor
 from rig.units.in_tables import unit_in
 from rig.units.of_instruments import scale

@@ -13,7 +13,8 @@ from rig.errors import RunFileError, UsageError
 from rig.procedures.attitude.kind import KIND as ATTITUDE
 from rig.procedures.attitude.table import attitude_data
 from rig.procedures.errors import DataError
-from rig.tables import read_table, run_table, write_csv
+from rig.tables import read_table, write_csv
+from rig.tables.table_of_run import run_table
 
 HEAD = "replicate,order,elapsed_s,pitch_deg,roll_deg,sensor_temperature_degC,x_V"
 ROWS = [f"{1 + i // 4},{i + 1},{30 * i},{(-30, -10, 10, 30)[i % 4]},{90 * (i % 3)},23.1,{0.1 * i}" for i in range(8)]

@@ -21,7 +21,7 @@ from rig.run_file.events.points import Observed
 from rig.run_file.verify.verification import verify_file
 from rig.runs.controller import start_run
 from rig.runs.plans import load_plan
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.unattended import Listeners, RunFacts
 from rig.unattended.early_look import SHARE, EarlyLook
 from rig.unattended.look_once import seen

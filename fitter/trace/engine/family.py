@@ -24,12 +24,12 @@ from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
-from rig.fitter.sums_of_squares import project_out
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.lengths import Part, Simulated, Single
 from rig.fitter.trace.engine.likelihood import deviances
 from rig.fitter.trace.engine.noise import BoolArray
 from rig.fitter.trace.engine.problem import SPARED, Problem
+from rig.fitter.trace.engine.row_sums import outside
 from rig.fitter.trace.engine.score import FEWEST_FOR_SCATTER, Blocks, View
 
 WORK = 1.2e9
@@ -53,8 +53,10 @@ CERTAIN = 40.0
 """Score that no draw comes near: its p is the least that a simulation can tell. (A normal one has p = 4e-18, of
 thousands of candidates; the tails simulated for sixty tables ended at 27.)
 """
-HELD = 2
-"""Sets of draws that are held at once: an effect is judged against noise of short memory and against slow walks."""
+HELD = 300_000_000
+"""Bytes of the sets of draws that are held at once. Two are held whatever their size: an effect is judged against noise
+of short memory and against slow walks.
+"""
 ALL_BUT = 0.9
 """Share of candidates' columns that count beside the declared ones under every covariance."""
 _TINY = np.finfo(np.float32).tiny
@@ -174,9 +176,9 @@ def least_of(problem: Problem) -> float | None:
     return of_all(1.0 / (1.0 + _fewest(problem)), problem.sensors) if _large(problem) else None
 
 
-def _large(problem: Problem) -> bool:
-    """Whether a table is simulated as few times as possible, whatever its noise."""
-    return ALL_BUT * problem.n * int(problem.start[-1]) > WORK * problem.effort / _fewest(problem)
+def _large(problem: Problem, near: int = 1) -> bool:
+    """Whether a table is simulated as few times as possible, whatever its noise, with at least so many covariances."""
+    return ALL_BUT * problem.n * int(problem.start[-1]) * near > WORK * problem.effort / _fewest(problem)
 
 
 def family_of(
@@ -205,15 +207,16 @@ def family_of(
         sooner: as in `TableFamily`.
     """
     simulated = simulated or Simulated(problem)
-    rng, fewest, n = np.random.default_rng(seed), _fewest(problem), problem.n
-    near = _near(problem, at, without, rng), _near(problem, at, beside, rng)
-    count = fewest
-    if not _large(problem):
+    rng, count, n = np.random.default_rng(seed), _fewest(problem), problem.n
+    near = _near(problem, at, without, rng)
+    pair = near, near if np.array_equal(without, beside) else _near(problem, at, beside, rng)
+    if not _large(problem, len(pair[1])):
         if not (width := simulated.width(at)):
             return TableFamily({}, np.ones(1), problem.sensors)
-        most = WORK * problem.effort / (n * width * max(len(near[1]), 1))
-        count = int(np.clip(most, fewest, max(MOST * problem.effort, fewest)))
-    draws = Draws(problem, at, weight, rng, near, count, scatter if n >= FEWEST_FOR_SCATTER else None, simulated.held)
+        most = WORK * problem.effort / (n * width * max(len(pair[1]), 1))
+        count = int(np.clip(most, count, max(MOST * problem.effort, count)))
+    rows = scatter if n >= FEWEST_FOR_SCATTER else None
+    draws = Draws(problem, at, weight, rng, pair, count, rows, simulated.held)
     return TableFamily({}, np.ones(count), problem.sensors, draws, list(simulated.parts), sooner)
 
 
@@ -229,8 +232,8 @@ class Draws:
         near: (G0,), (G1,) covariances that are fitted without a candidate, and beside one.
         count: number m of draws.
         scatter: as in `family_of`.
-        held: the `HELD` draws that were asked for last, by their token: with many rows they take much memory, and go
-            with the last who has them.
+        held: the draws that were asked for last, by their token, as many as `HELD` allows: with many rows they take
+            much memory, and go with the last who has them.
         token: of these draws.
     """
 
@@ -253,9 +256,10 @@ class Draws:
         if not np.any(judged):
             return out
         if self.token not in self.held:
-            if len(self.held) == HELD:
+            new = self._drawn()
+            while len(self.held) > 1 and new.size + sum(one.size for one in self.held.values()) > HELD:
                 del self.held[next(iter(self.held))]
-            self.held[self.token] = self._drawn()
+            self.held[self.token] = new
         drawn = self.held[self.token]
         ratio = _ratios(drawn, part.simulated, found.rank, df)
         if self.scatter is not None:
@@ -273,15 +277,15 @@ class Draws:
     def _drawn(self) -> Drawn:
         problem, (without, beside) = self.problem, self.near
         n, log_det, declared = problem.n, problem.noise.log_det, problem.declared / problem.sd[:, None]
-        # single precision is half the memory and time; `Noise` and `project_out` keep the type that they are given
+        # single precision is half the memory and time; `Noise` and `outside` keep the type that they are given
         errors = cast(FloatArray, deepcopy(self.rng).standard_normal((n, self.count)).astype(np.float32))
         coloured = problem.noise.colour(self.at, errors)
         alone, usual = np.full(self.count, np.inf), np.full(self.count, np.nan)
         fitted = []
         for g in np.union1d(without, beside).tolist():
             basis = orthonormal(problem.noise.whiten(np.array([g]), declared)[0])
-            left = project_out(problem.noise.whiten(np.array([g]), coloured)[0], basis)
-            total = np.sum(left**2, axis=0, dtype=np.float64)
+            left = outside(problem.noise.whiten(np.array([g]), coloured)[0], basis)
+            total = np.einsum("nm,nm->m", left, left, dtype=np.float64)
             deviance = n * np.log(total) + log_det[g]
             usual = np.where(np.isnan(usual), deviance, usual)
             size = np.exp(np.clip((deviance - usual) / n, -_MOST, _MOST))  # as a sum of squares; no logarithm of each
@@ -289,10 +293,13 @@ class Draws:
                 alone = np.minimum(alone, size)
             if g in beside:
                 left /= np.sqrt(total).astype(left.dtype)
-                back = problem.noise.back(g, left)
-                fitted.append((g, size.astype(np.float32), back.astype(np.float32), left.astype(np.float32)))
+                fitted.append((g, size.astype(np.float32), _single(problem.noise.back(g, left)), _single(left)))
         white = orthonormal(problem.noise.whiten(np.array([self.at]), declared)[0])
-        return Drawn(alone.astype(np.float32), fitted, project_out(errors, white).astype(np.float32))
+        return Drawn(alone.astype(np.float32), fitted, _single(outside(errors, white)))
+
+
+def _single(values: FloatArray) -> Single:
+    return values.astype(np.float32, copy=False)
 
 
 class Drawn(NamedTuple):
@@ -308,6 +315,11 @@ class Drawn(NamedTuple):
     alone: Single
     fitted: list[tuple[int, Single, Single, Single]]
     noise: Single
+
+    @property
+    def size(self) -> int:
+        """Bytes of all of them."""
+        return self.noise.nbytes * (1 + 2 * len(self.fitted))
 
 
 def _near(problem: Problem, at: int, possible: BoolArray, rng: np.random.Generator) -> IntArray:

@@ -240,15 +240,19 @@ class Wandering(ByRows):
     def _filter(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(n, G) decay from the previous row, gain, and the innovation's standard deviation."""
         correlation, share, step, white = self._grid
-        gap = np.diff(self.when, prepend=self.when[:1])
-        decay = correlation[None, :] ** gap[:, None]
-        gain, sd, own = np.empty_like(decay), np.empty_like(decay), self._share
-        state = share.copy()
-        for t in range(len(gap)):
-            state = decay[t] ** 2 * state + (1.0 - decay[t] ** 2) * share + step * gap[t]
-            total = state * own[t] ** 2 + white
-            gain[t], sd[t] = state * own[t] / total, np.sqrt(total)
-            state = state * white / total
+        gap, own = np.diff(self.when, prepend=self.when[:1])[:, None], self._share[:, None]
+        decay = correlation**gap
+        kept = decay**2
+        came, scale = (1.0 - kept) * share + step * gap, own**2
+        before, total, state = np.empty_like(decay), np.empty_like(decay), share.copy()
+        for kept_t, came_t, scale_t, before_t, total_t in zip(kept, came, scale, before, total, strict=True):
+            np.multiply(kept_t, state, out=before_t)
+            np.add(before_t, came_t, out=before_t)
+            np.multiply(before_t, scale_t, out=total_t)
+            np.add(total_t, white, out=total_t)
+            np.multiply(before_t, white, out=state)
+            np.divide(state, total_t, out=state)
+        gain, sd = before * own / total, np.sqrt(total)
         return decay, gain, sd
 
     @cached_property

@@ -50,3 +50,12 @@ def pairs(start: IntArray) -> IntArray:
 def stretches(n: int) -> list[slice]:
     """Rows a few at a time, so that they stay in the cache while they are used."""
     return [slice(first, first + AT_ONCE) for first in range(0, n, AT_ONCE)]
+
+
+def outside(columns: FloatArray, basis: FloatArray) -> FloatArray:
+    """Part of columns (n, m) outside an orthonormal basis (n, k), in the columns' own type."""
+    basis = basis.astype(columns.dtype, copy=False)
+    along, out = basis.T @ columns, np.empty(columns.shape, columns.dtype)
+    for rows in stretches(len(columns)):
+        np.subtract(columns[rows], basis[rows] @ along, out=out[rows])
+    return out

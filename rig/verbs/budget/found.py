@@ -17,7 +17,7 @@ from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.confirming import SETTLED
 from rig.procedures.present.shell import shell_word
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.verbs.budget.evaluation import OfRun, RunBudget, budget_of, run_with_register
 from rig.verbs.budget.lacking import by_sensor
 from rig.verbs.budget.undeclared import with_undeclared

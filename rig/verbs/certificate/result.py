@@ -12,7 +12,7 @@ from rig.errors import UsageError
 from rig.fitter.errors import FitError
 from rig.procedures.present.shell import shell_word
 from rig.register import DOCUMENT, absent, needed, unrecorded
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.verbs.budget.evaluation import OfRun, RunBudget
 from rig.verbs.budget.found import Found
 from rig.verbs.certificate import conformity, of_others

@@ -17,7 +17,7 @@ from rig.procedures.present.blocks import Block, Grid, Line, simulated_mark
 from rig.verbs.chart.charted import ControlCharts, chart_calibrations
 from rig.verbs.chart.sentences import due_date
 from rig.verbs.chart.together import read_together
-from rig.verbs.data.kept import REPEATABILITY
+from rig.verbs.data.registered import REPEATABILITY
 from rig.verbs.data.result import Data
 from rig.verbs.frames import Frame, of_rows
 from rig.verbs.result import Reported

@@ -13,7 +13,7 @@ from rig.fitter.confirm import Confirmation, Hypothesis, Member
 from rig.procedures.evaluate.confirming import SETTLED, ConfirmedFit
 from rig.procedures.evaluate.results import Options
 from rig.procedures.tables.table import Table
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.verbs.confirm.answers import Confirmed, evidence, judge
 from rig.verbs.confirm.first import First, open_traced
 

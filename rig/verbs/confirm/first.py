@@ -28,7 +28,8 @@ from rig.procedures.tables.table import Table
 from rig.run_file.events.by_hand import DoneByHand
 from rig.run_file.read.reader import RunReader
 from rig.runs.plans import plan_of
-from rig.tables import FileSource, run_table
+from rig.tables import FileSource
+from rig.tables.table_of_run import run_table
 
 DAY_S = 86400.0
 

@@ -14,7 +14,7 @@ from rig.fitter.confirm import Confirmation
 from rig.fitter.trace.outcome import Figure as View
 from rig.procedures.evaluate.results import Page
 from rig.procedures.present.effect_plots import draw
-from rig.tables import run_table
+from rig.tables.table_of_run import run_table
 from rig.verbs.confirm import Confirmed, chance, sentences, sizes, unfit
 from rig.verbs.page import render
 

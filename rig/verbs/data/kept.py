@@ -16,7 +16,6 @@ from rig.verbs.budget.held import held
 from rig.verbs.data.budget_lines import WITHOUT, lines_in_use
 from rig.verbs.infer.total import TOTAL
 
-REPEATABILITY = "repeatability only"
 UNSTATED = ", but for errors that the register does not state"
 
 

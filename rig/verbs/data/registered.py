@@ -11,16 +11,14 @@ from typing import TYPE_CHECKING, Any
 from rig.errors import ConfigurationError, UsageError
 from rig.procedures.errors import DataError
 from rig.procedures.present.shell import shell_word
-from rig.register import DOCUMENT
-from rig.run_file.read.reader import RunReader
 from rig.tables import FileSource, is_run
-from rig.tables.segments import joined
-from rig.verbs.budget.evaluation import Evaluated, OfRun, run_with_register
-from rig.verbs.data.kept import REPEATABILITY, budget_section
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # most tables have no register
     from rig.procedures.tables.table import Table
     from rig.procedures.tables.within import Within
+    from rig.verbs.budget.evaluation import Evaluated, OfRun
+
+REPEATABILITY = "repeatability only"
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,11 @@ class Registered:
         """The corrected run, with the added replications; the file itself without either."""
         if self.run is not None:
             return Corrected(self.run.table.source, self.run.table)
-        return Corrected(own.name, joined(self.segments)) if self.segments else own
+        if not self.segments:
+            return own
+        from rig.tables.segments import joined  # noqa: PLC0415
+
+        return Corrected(own.name, joined(self.segments))
 
     def table_of(self, path: Path) -> Table:
         """The table of a run file, which is corrected if this run is; of this one with the added replications.
@@ -84,6 +86,9 @@ class Registered:
             UsageError: it is no run file, or this run is corrected and that one has no register.
             ConfigurationError: its register cannot be used.
         """
+        from rig.tables.segments import joined  # noqa: PLC0415
+        from rig.verbs.budget.evaluation import run_with_register  # noqa: PLC0415
+
         own = bool(self.segments) and path.resolve() == self.segments[0].resolve()
         more = self.segments[1:] if own else ()
         return joined((path, *more)) if self.run is None else run_with_register(path, self.equipment, more).table
@@ -114,6 +119,8 @@ class Registered:
             return Uncertainty(f"{REPEATABILITY}: influences are those of a fit without {', '.join(beyond)}")
         if not keep:
             return Uncertainty(f"{REPEATABILITY}: rig budget {shell_word(self.run.table.source)} gives uncertainties")
+        from rig.verbs.data.kept import budget_section  # noqa: PLC0415 - few fits are kept
+
         run, options = self.run, {name: given[name] for name in known if name in given}
         chosen = run.kind.budget_options(**options)
         by_model = evaluated or partial(run.kind.evaluation, run.table, chosen)
@@ -154,6 +161,10 @@ def registered(source: FileSource, equipment: Path | None, added: Sequence[Path]
         if equipment is not None:
             raise UsageError(f"--equipment is for run files, and {source.path} is a table")
         return Registered(None, "a table has no register of equipment")
+    from rig.register import DOCUMENT  # noqa: PLC0415
+    from rig.run_file.read.reader import RunReader  # noqa: PLC0415
+    from rig.verbs.budget.evaluation import run_with_register  # noqa: PLC0415
+
     segments = (source.path, *added) if added else ()
     if equipment is not None:
         return Registered(run_with_register(source.path, equipment, added), "", equipment, segments)

@@ -21,8 +21,7 @@ from rig.procedures.tables.unused import known_unit_of, sentences
 from rig.procedures.tables.within import KEY as READINGS
 from rig.tables import FileForm, FileSource, is_run
 from rig.tables.of_others.file_form import NOTHING
-from rig.verbs.data.kept import REPEATABILITY
-from rig.verbs.data.registered import Uncertainty, registered
+from rig.verbs.data.registered import REPEATABILITY, Uncertainty, registered
 from rig.verbs.frames import Frame, of_rows
 from rig.verbs.infer import calibration_in
 from rig.verbs.infer.content_hash import with_hashes
