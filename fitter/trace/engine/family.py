@@ -204,12 +204,13 @@ def family_of(
         beside: (G,) those that are fitted beside one.
         scatter: some candidates whitened by `at`, if scores are divided by the contributions of single rows.
         simulated: of the same problem, if more than one family of it is simulated.
-        sooner: as in `TableFamily`.
+        sooner: as in `TableFamily`; covariances without and beside an effect are then sought in the same draws.
     """
     simulated = simulated or Simulated(problem)
     rng, count, n = np.random.default_rng(seed), _fewest(problem), problem.n
     near = _near(problem, at, without, rng)
-    pair = near, near if np.array_equal(without, beside) else _near(problem, at, beside, rng)
+    once = sooner and np.array_equal(without, beside)  # it takes a tenth of a second in large tables
+    pair = near, near if once else _near(problem, at, beside, rng)
     if not _large(problem, len(pair[1])):
         if not (width := simulated.width(at)):
             return TableFamily({}, np.ones(1), problem.sensors)

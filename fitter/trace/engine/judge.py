@@ -65,6 +65,7 @@ class TableJudge:
     _off: dict[Key, FloatArray] = field(default_factory=dict)
     _besides: dict[Key, Likelihoods] = field(default_factory=dict)
     _trials: dict[tuple[Key, int], Trial] = field(default_factory=dict)
+    _evidence: dict[tuple[Key, int, Rivalry], float] = field(default_factory=dict)
     _p: dict[tuple[Key, int], float] = field(default_factory=dict)
 
     @property
@@ -319,23 +320,32 @@ class TableJudge:
         possible = possible_of(self.problem, rival)
         if not np.any(possible[0]):
             return 0.0
-        at = trial.beside.best_of(possible[1])
-        scores = self._scored(at, trial.y, chosen, j)
-        if scores.ratio[0] <= 0.0:
+        if (own := self._evident(trial, chosen, j, rival)) == -np.inf:
             return 1.0
-        rank, df = int(scores.rank[0]), int(scores.df[0])
-        f = ratio(trial.without, trial.beside, possible, rank, df)
-        if rival != "slow":
-            f /= float(scores.scatter[0])
-        name, own = self.candidates[j].effect.name, float(evidence(np.array(f), rank, df))
         if self._many and own > CERTAIN:
             return self._least or self.family_for(j, trial.without.best_of(possible[0]), rival).least
         if self._many and math.exp(-own) > PLAINLY * most:
             return math.exp(-own)
+        name = self.candidates[j].effect.name
         p = self.family_for(j, trial.without.best_of(possible[0]), rival).adjust(name, own, most)
         if p > min(most, CLOSE) or rival == "slow":
             return p
         return max(p, self.family_for(j, trial.without.slowest_of(possible[0]), rival).adjust(name, own, most))
+
+    def _evident(self, trial: Trial, chosen: tuple[int, ...], j: int, rival: Rivalry) -> float:
+        """Score of `j` against one rival, -log p; minus infinity if it explains nothing."""
+        key = tuple(sorted(chosen)), j, rival
+        if key not in self._evidence:
+            possible = possible_of(self.problem, rival)
+            scores = self._scored(trial.beside.best_of(possible[1]), trial.y, chosen, j)
+            rank, df, own = int(scores.rank[0]), int(scores.df[0]), -np.inf
+            if scores.ratio[0] > 0.0:
+                scatter = 1.0 if rival == "slow" else float(scores.scatter[0])
+                own = float(
+                    evidence(np.array(ratio(trial.without, trial.beside, possible, rank, df) / scatter), rank, df)
+                )
+            self._evidence[key] = own
+        return self._evidence[key]
 
     def _scored(self, at: int, y: FloatArray, chosen: tuple[int, ...], j: int) -> Scores:
         """`j` beside those `chosen` under a covariance, with a response (n,)."""
