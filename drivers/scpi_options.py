@@ -13,7 +13,7 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from rig.drivers.wires import SerialOptions
-from rig.drivers.wires.serial_line import Frame
+from rig.drivers.wires.serial_port import Frame
 
 _LINE = re.compile(r"[ -~]{1,200}")
 _NUMBER_AND_UNIT = r"([+-]?[0-9.]+(?:[Ee][+-]?[0-9]+)?(?: *[A-Za-z%][A-Za-z0-9%/ ]*)?)(?:[^A-Za-z0-9%/].*)?"

@@ -13,6 +13,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 _HOLE = re.compile(r"\{\{|\}\}|\{([A-Za-z_][A-Za-z0-9_]*)?(?::([^{}]*))?\}|[{}]")
 _SPEC = re.compile(r"(<)?(\+)?(0)?([1-9][0-9]?)?(?:([.,])([0-9]{1,2}))?([dx]|e2?)?")
@@ -216,6 +217,25 @@ class Form:
                 if field.width and not re.fullmatch(field.pattern(self._words), fields[name], re.ASCII):
                     return None
         return fields
+
+    def otherwise(self, line: str) -> dict[str, str] | None:
+        """Its fields in a line by another split of texts that have no comma or semicolon between them; None if there is
+        only one.
+
+        Example:
+            >>> Form("{model} {firmware}").otherwise("T1 XL 1.2")
+            {'model': 'T1 XL', 'firmware': '1.2'}
+        """
+        texts = [part if isinstance(part, str) else part.name in TEXTS or not part.name for part in self.parts]
+        parted = [
+            before is True and (after is True or not set(str(after)) & set(",;")) for before, after in pairwise(texts)
+        ]
+        if not any(parted):
+            return None
+        # literal characters are escaped in it, so these are the texts that take as little as they can
+        found = re.fullmatch(self.pattern().replace(".+?", ".+").replace(".*?", ".*"), line, re.ASCII)
+        fields = {name: text.strip() for name, text in found.groupdict().items()} if found is not None else None
+        return fields if fields != self.read(line) else None
 
     def write(self, values: Mapping[str, float | str]) -> str:
         """The line with these fields; any text is left out, or a stroke where a space would end the line."""

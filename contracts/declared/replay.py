@@ -64,6 +64,11 @@ def replayed(table: Instrument) -> Iterator[str]:
         elif not answer:
             if isinstance(one, Ask) or one.answer:
                 yield f"{question!r} has no answer in examples, and one in {place}"
+        elif place == "identity" and any(
+            Form(form).filled({"maker": table.maker} if table.maker else {}).otherwise(answer.strip())
+            for form in (one.forms if isinstance(one, Ask) else ())
+        ):
+            yield f"{answer!r} can be split by its form in identity in two ways: write what is always so as text"
         elif not _fits(table, (one.forms if isinstance(one, Ask) else one.answer) + table.errors.replies, answer, one):
             yield f"{answer!r} is no answer to {question!r} as in {place}"
 

@@ -102,6 +102,10 @@ class BridgeLine:
             self._last[path] = found.stamp
         return found
 
+    def beyond(self) -> str:
+        """Nothing: a value is a whole answer."""
+        return ""
+
     def heard(self, timeout_s: float) -> str:
         """A bridge does not talk by itself."""
         raise NoReply(f"{self.where} does not talk by itself")

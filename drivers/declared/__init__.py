@@ -13,8 +13,8 @@ from rig.drivers.declared.reader import DeclaredReader, OneByOneReader
 from rig.drivers.declared.source import DeclaredSource
 from rig.drivers.scpi import INTERFACE, Interface, one_of
 from rig.drivers.wires import SerialOptions
-from rig.drivers.wires.serial_line import Frame
 from rig.drivers.wires.serial_options import Flow, LineSettings
+from rig.drivers.wires.serial_port import Frame
 
 
 class _Options(SerialOptions):

@@ -4,18 +4,36 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from pydantic import BaseModel
 
-from rig.contracts.declared.exchanges import Check
+from rig.contracts.declared.exchanges import Ask, Check, Tell
 from rig.contracts.declared.instrument import STAND_IN, Instrument
 from rig.drivers.clock import Clock
 from rig.drivers.declared.talk import Talk
 from rig.drivers.driver import ContractFile, Medium
-from rig.drivers.errors import BadReply, DriverError, Unreachable, WrongInstrument
+from rig.drivers.errors import BadReply, DriverError, InstrumentError, Unreachable, WrongInstrument
 from rig.drivers.roles import Identity
 from rig.drivers.wires import Wires
+
+
+class Setting(NamedTuple):
+    """A setting of an instrument, read without a change.
+
+    Attributes:
+        asked: the question for it, or the command that no question asks for.
+        found: its answer as printed; "" if it was not read.
+        declared: the right answer by the file; "" if the file has none.
+        why_not: why it was not read; "" if it was.
+        same: whether its answer is the declared one.
+    """
+
+    asked: str
+    found: str = ""
+    declared: str = ""
+    why_not: str = ""
+    same: bool = False
 
 
 class Declared:
@@ -144,6 +162,36 @@ class Declared:
     def _unlike(self, checks: Sequence[Check]) -> tuple[str, ...]:
         return tuple(said for check in checks if (said := self._talk.right(check, check.is_)))
 
+    def settings(self) -> Sequence[Setting]:
+        """All settings of its file as they are, by questions alone: `check`, `healthy`, and registers that are written.
+
+        Raises:
+            InstrumentError: a question of `healthy` has an error as its answer.
+        """
+        found = [self._setting(check) for check in self.table.check]
+        for command in self.table.prepare:
+            if any(_asks_for(check, command) for check in self.table.check):
+                continue
+            if command.register_ is not None and command.value is not None:
+                same = {key: getattr(command, key) for key in ("register_", "table", "type")}
+                found.append(self._setting(Check(**same, is_=command.value)))
+            else:
+                found.append(Setting(command.said, why_not="no question of `check` asks for it"))
+        return (*found, *(self._setting(one, refusing=True) for one in self.table.healthy))
+
+    def _setting(self, check: Check, *, refusing: bool = False) -> Setting:
+        declared = f"{check.is_:g}" if isinstance(check.is_, float) else check.is_
+        try:
+            for _ in range(2):
+                found = self._talk.ask(check)
+                if same := self._talk.agree(found, check.is_):
+                    break
+        except DriverError as error:
+            if refusing and isinstance(error, InstrumentError):
+                raise
+            return Setting(check.said, declared=declared, why_not=str(error))
+        return Setting(check.said, found.printed, declared, same=same)
+
     def _lost(self) -> bool:
         """Whether its power has been off since it was prepared; False if nothing tells."""
         mark = self.table.mark
@@ -179,6 +227,14 @@ class Remembering(Declared):
     def restarted(self) -> bool:
         """Whether it has been powered up since `prepare` last ran."""
         return self._lost()
+
+
+def _asks_for(check: Ask, command: Tell) -> bool:
+    """Whether a question asks for what a command sets, by its register or its first word."""
+    if command.register_ is not None or command.tell is None:
+        return (check.register_, check.table) == (command.register_, command.table)
+    first = command.tell.replace("=", " ").split()[:1]
+    return [part.strip(":").casefold() for part in first] == [(check.ask or "").strip(":?").casefold()]
 
 
 def _talk(table: Instrument, name: str, address: str, options: Any, wires: Wires, clock: Clock) -> Talk:

@@ -6,22 +6,17 @@ import contextlib
 import math
 import re
 from collections.abc import Mapping, Sequence
-from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.forms import TEXTS, Form, step_of
 from rig.contracts.declared.instrument import Instrument
 from rig.contracts.declared.sums import Frame
 from rig.contracts.declared.units import same_unit
-from rig.drivers.clock import Clock
-from rig.drivers.declared.known_lines import sync_of
-from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
+from rig.drivers.declared.lines import LinesTalk
+from rig.drivers.declared.talk import NOTHING, Answer, Holes
 from rig.drivers.errors import BadReply, InstrumentError, NoReply
 from rig.drivers.scpi import agrees, forget_errors
-from rig.drivers.wires import SerialSettings, Wires
-from rig.drivers.wires.line import Line
-from rig.drivers.wires.serial_options import LineSettings
 
 _NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?")
 _PERIODS = 3  # a line that is torn, one that is lost, and one more
@@ -37,67 +32,15 @@ class _Compiled(NamedTuple):
     frame: Frame | None
 
 
-class TextTalk(Talk):
-    """An instrument that takes lines of text.
+class TextTalk(LinesTalk):
+    """An instrument that takes lines of text, with the meaning of its answers; arguments and errors as `LinesTalk`."""
 
-    Args:
-        table: its file.
-        name: the bench's name for it.
-        address: text address.
-        settings: of the line, as the bench file has them.
-        parameters: by name.
-        wires: where to open it.
-        clock: bench time.
-
-    Raises:
-        Unreachable: the address cannot be opened.
-    """
-
-    def __init__(
-        self,
-        table: Instrument,
-        name: str,
-        address: str,
-        settings: LineSettings,
-        parameters: Mapping[str, str | float],
-        wires: Wires,
-        clock: Clock,
-    ) -> None:
-        wire, self._parameters = table.wire, parameters
-        self._shared = bool(wire.preamble) or any(hole in wire.request for hole in parameters)
-        self.line: Line = self._opened(table, name, address, settings, wires)
-        super().__init__(table, clock, self.line.where)
-        self._frames = wire.frames(parameters)
-        self._end = wire.reply_end or wire.send_end
+    def __init__(self, table: Instrument, *rest: Any) -> None:
+        super().__init__(table, *rest)
         self._compiled: dict[int, _Compiled] = {}
         self._refusals = [self._form(text) for text in table.errors.replies]
         self._errors = [self._form(text) for text in table.errors.answer]
-        self._skipped = [self._form(text) for text in wire.skip]
-        self._begun = False
-        serial = settings.serial and self.line.rs232
-        self._clears_with_dtr = serial and wire.clear_drops_dtr
-        self._remote = (Tell(tell=wire.remote),) if wire.remote and serial else ()
-
-    def _opened(self, table: Instrument, name: str, address: str, settings: LineSettings, wires: Wires) -> Line:
-        """Open the line. Raises `Unreachable`."""
-        wire = table.wire
-        return wires.serial(
-            address,
-            SerialSettings(
-                settings.baud,
-                settings.frame,  # type: ignore[arg-type]  # the schema has the same list
-                settings.flow,
-                send_end=wire.send_end.encode("ascii") if settings.send_end is None else settings.send_end,
-                reply_end=(wire.reply_end or wire.send_end).encode("ascii")[-1:],
-                timeout_s=wire.timeout_s,
-                sync=None if self._shared or wire.echo or wire.request != "{line}" else sync_of(table),
-                encoding="latin-1" if wire.by_frame or table.beyond_ascii else "ascii",
-            ),
-            name,
-        )
-
-    def _form(self, text: str, words: frozenset[str] = frozenset()) -> Form:
-        return Form(text, words).filled(self._parameters)
+        self._skipped = [self._form(text) for text in table.wire.skip]
 
     def _forms(self, one: Ask) -> tuple[str, ...]:
         """Forms of the answer to a question."""
@@ -118,74 +61,6 @@ class TextTalk(Talk):
             self._compiled[id(one)] = found
         return found
 
-    def _begin(self) -> None:
-        """Keep the distance of lines; take the wire if another instrument has used it."""
-        wire = self.table.wire
-        self.paced()
-        if self._shared and self.line.user is not self:
-            for text in wire.preamble:
-                self.line.write(self._form(text).write({}))
-            self.line.user = self
-            if wire.preamble and not self._begun:  # it may stop a stream, or have an answer
-                self.line.drain()
-                self._begun = True
-
-    def _framed(self, line: str, frame: Frame | None) -> str:
-        frame = frame or (self._frames[0] if self._frames is not None else None)
-        return line if frame is None else frame.write(line)
-
-    def _unframed(self, question: str, line: str) -> str:
-        if self._frames is None:
-            return line
-        found = self._frames[1].read(line)
-        if found is None:
-            frames = " or ".join(map(repr, self.table.wire.reply))
-            raise self.line.bad_reply(question, line, f"an answer in the frame {frames}")
-        if found[1]:
-            raise self.line.bad_reply(question, line, f"the checksum {found[1]}")
-        return found[0]
-
-    def _whole(self, received: bytes, *, lines: int = 1) -> bool:
-        """Whether an answer whose frame tells its end is complete."""
-        text = received.decode("latin-1")
-        if not text.endswith(self._end):
-            return False
-        every = self._apart(text, lines)
-        found = [self._frames[1].read(one) for one in every] if self._frames is not None else []
-        return len(every) == lines and all(one is not None and not one[1] for one in found)
-
-    def _apart(self, text: str, lines: int) -> list[str]:
-        """Lines of an answer; one alone may have bytes in it that look like an end."""
-        text = text.removesuffix(self._end)
-        return text.split(self._end) if lines > 1 and self._end else [text]
-
-    def _write(self, line: str, frame: Frame | None) -> None:
-        self._begin()
-        if self.table.wire.echo:
-            self._query(line, 0, None, frame, repeat=False)
-        else:
-            self.line.write(self._framed(line, frame))
-
-    def _query(
-        self, line: str, lines: int, timeout_s: float | None, frame: Frame | None = None, *, repeat: bool
-    ) -> str:
-        """The answer to a line. Raises `NoReply`, `BadReply`."""
-        self._begin()
-        sent = self.table.wire.with_reads(self._framed(line, frame), lines)
-        if not self.table.wire.echo:
-            whole = partial(self._whole, lines=lines) if self.table.wire.by_frame else None
-            found = self.line.query_lines(sent, lines, timeout_s, repeat=repeat, whole=whole)
-            found = self._apart(found[0], lines) if whole is not None else found
-        else:
-            first, *found = self.line.query_lines(sent, lines + 1, timeout_s, repeat=repeat)
-            if first != sent.strip():
-                raise self.line.bad_reply(sent, first, "the line itself: it echoes")
-        return " ".join(self._unframed(sent, one) for one in found)
-
-    def bad(self, ask: Ask | Tell, answer: object, expected: str) -> BadReply:
-        """The error for an answer that makes no sense; the line is synchronised before its next use."""
-        return self.line.bad_reply(ask.said, answer, expected)
-
     def once(self, ask: Ask, holes: Holes = NOTHING, timeout_s: float | None = None, *, repeat: bool = True) -> Answer:
         """Ask once, or twice if no answer comes and `repeat`."""
         compiled = self._of(ask)
@@ -201,7 +76,9 @@ class TextTalk(Talk):
                 with contextlib.suppress(NoReply, BadReply):
                     self.raise_errors(line)
             raise
-        return self.read(ask, raw, holes)
+        found = self.read(ask, raw, holes)
+        self._nothing_more(ask.said, raw, ask.lines)
+        return found
 
     def _heard(self, wanted: Sequence[Form]) -> str:
         """The first line that begins from now on and is not to be skipped, of an instrument that talks by itself."""
@@ -224,9 +101,30 @@ class TextTalk(Talk):
         for form in compiled.answers:
             fields = form.read(raw)
             if fields is not None:
+                if ask is self.table.identity:
+                    fields = self._only(ask, form, fields, raw)
                 return self._meaning(ask, form, fields, raw, holes)
         self._refused(ask.said, raw)
         raise self.bad(ask, raw, " or ".join(f"an answer as in {text!r}" for text in self._forms(ask)))
+
+    def _only(self, ask: Ask, form: Form, fields: dict[str, str], raw: str) -> dict[str, str]:
+        """The fields of an identity. Raises `BadReply` if its text can be split in two ways."""
+        maker = self.table.maker
+        by_maker = form.filled({"maker": maker}) if maker else form  # it is known, also one with a space
+        found = by_maker.read(raw)
+        if found is not None and by_maker is not form:
+            form, fields = by_maker, {**found, "maker": maker}
+        other = form.otherwise(raw)
+        if other is None:
+            return fields
+        first, second = (" and ".join(f"{name} {one[name]!r}" for name in other) for one in (fields, other))
+        written = form.text.replace("{model}", self.table.model[0])
+        raise self.bad(
+            ask,
+            raw,
+            f"one way to read it by {form.text!r}, and it may be {first}, or {second}: write what is always so as "
+            f"text, such as answer = {written!r}",
+        )
 
     def _parsed(self, ask: Ask, raw: str) -> str:
         """An answer as the hook of the file gives it. Raises `BadReply` if the hook does not."""
@@ -332,6 +230,7 @@ class TextTalk(Talk):
             took = form.fields["value"].read(fields["value"], signed=tell.signed)
             if abs(took - sent) > step_of(fields["value"]) * 1.000001:  # it may print fewer digits than it was sent
                 raise self.line.bad_reply(line, raw, f"the value that it was told: it took {took:g} and not {sent:g}")
+        self._nothing_more(tell.said, raw)
 
     def raise_errors(self, line: str = "") -> None:
         """Ask for errors. Raises `InstrumentError` with the first; the others are in its text."""
@@ -344,6 +243,7 @@ class TextTalk(Talk):
             fields = next((f for form in self._errors if (f := form.read(raw)) is not None), None)
             if fields is None:
                 raise self.line.bad_reply(errors.ask, raw, f"an answer as in {errors.answer[0]!r}")
+            self._nothing_more(errors.ask, raw)
             code = fields.get("code", "")
             if errors.bits:
                 mask = int(code) if code.lstrip("+").isdecimal() else 0
@@ -361,39 +261,6 @@ class TextTalk(Talk):
         """Empty the error queue of errors that are nobody's; an answer that makes no sense is left for later."""
         if self.table.errors.ask is not None:
             forget_errors(self.raise_errors, self.line)
-
-    def takes_s(self, characters: int) -> float:
-        """Maximum bench seconds for this many characters on the wire."""
-        return self.line.takes_s(characters)
-
-    def drain(self) -> None:
-        """Listen until it is silent; one that talks by itself never is."""
-        if self.table.wire.protocol != "stream":
-            self._begin()
-            self.line.drain()
-
-    def clear(self) -> None:
-        """Have it give up what it does, if it can be told to; listen until it is silent."""
-        if self.table.wire.clear:
-            self._begin()
-            self.line.device_clear(self.table.wire.clear, with_dtr=self._clears_with_dtr)
-        else:
-            self.drain()
-
-    @property
-    def remote(self) -> tuple[Tell, ...]:
-        """The command for remote control, which locks its panel; () if there is none on this wire."""
-        return self._remote
-
-    def renew(self) -> None:
-        """Send the preamble again before the next line: the instrument, or its adapter, may have been off."""
-        if self.line.user is self:
-            self.line.user = None
-        self._begun = False
-
-    def close(self) -> None:
-        """Release the wire; idempotent."""
-        self.line.close()
 
 
 def _of_one(forms: Sequence[Form], *lines: str) -> Form | None:

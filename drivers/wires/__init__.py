@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 from rig.drivers.clock import Clock
 from rig.drivers.errors import Unreachable
 from rig.drivers.wires.addresses import text_address
-from rig.drivers.wires.serial_line import SerialLine, SerialSettings, Tap
+from rig.drivers.wires.serial_line import SerialLine
 from rig.drivers.wires.serial_options import SerialOptions
+from rig.drivers.wires.serial_port import SerialSettings, Tap
 from rig.drivers.wires.visa_address import VisaAddress
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from rig.drivers.wires.addresses import CanAddress
 from rig.drivers.wires.can_bus import BUS_ERRORS, CanBus
 from rig.drivers.wires.can_node import CanNode
 from rig.drivers.wires.can_transport import CanTransport
-from rig.drivers.wires.serial_line import Tap
+from rig.drivers.wires.serial_port import Tap
 
 _MOST_BUFFERED = 100_000  # maximum number of frames in an adapter; a bus with more frames at once never becomes silent
 

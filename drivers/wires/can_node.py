@@ -21,7 +21,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from rig.drivers.errors import BadReply, InstrumentError, NoReply
 from rig.drivers.wires.can_bus import BUS_ERRORS, CanBus
-from rig.drivers.wires.serial_line import Tap
+from rig.drivers.wires.serial_port import Tap
 
 logging.getLogger("canopen").addHandler(logging.NullHandler())  # it prints errors that we raise
 

@@ -55,6 +55,10 @@ class Line(Protocol):
         """Listen until it is silent."""
         ...
 
+    def beyond(self) -> str:
+        """What comes after a whole answer; "" if nothing does."""
+        ...
+
     def bad_reply(self, text: str, reply: object, expected: str) -> BadReply:
         """The error for an answer that makes no sense."""
         ...

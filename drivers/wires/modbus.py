@@ -24,7 +24,7 @@ from rig.drivers.wires.addresses import ModbusAddress
 from rig.drivers.wires.modbus_rtu import OutOfStep
 from rig.drivers.wires.modbus_transport import Transport
 from rig.drivers.wires.modbus_wire import ClosedAfterAnswer, ModbusWire
-from rig.drivers.wires.serial_line import Tap
+from rig.drivers.wires.serial_port import Tap
 
 _BUSY, _BUSY_WAIT_S, _BUSY_TRIES = 6, 0.2, 10
 """Exception code; a device that is busy is asked again for two seconds, longer than a chamber stores a program."""

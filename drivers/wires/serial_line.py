@@ -11,74 +11,26 @@ of a 1 and XOFF of a 3. So an answer with one of them is asked for again if the 
 
 from __future__ import annotations
 
-import contextlib
-import os
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal, NoReturn, cast
 
 from rig.drivers.clock import Clock
-from rig.drivers.errors import BadReply, NoReply, Unreachable
-from rig.drivers.wires.addresses import text_address
-from rig.drivers.wires.parity import WRONG_PARITY, opener
-from rig.drivers.wires.port import Port, without_delay
-from rig.drivers.wires.serial_options import Flow, flow_arguments, flow_refused
-
-try:
-    import termios
-
-    _PORT_ERRORS: tuple[type[Exception], ...] = (OSError, termios.error)  # pyserial does not convert the latter
-except ImportError:  # Windows has no termios; its port errors are all OSError
-    _PORT_ERRORS = (OSError,)
-
-Frame = Literal["7E1", "7E2", "7O1", "7O2", "8N1", "8N2", "8E1", "8O1"]
-"""Data bits, parity, stop bits, as printed in manuals of instruments."""
-
-Tap = Callable[[str, str, bytes], None]
-"""Called with (instrument, "tx" or "rx", bytes) for every transfer."""
+from rig.drivers.errors import BadReply, NoReply
+from rig.drivers.wires.parity import WRONG_PARITY
+from rig.drivers.wires.port import Port
+from rig.drivers.wires.serial_port import PORT_ERRORS, PortOfLine, SerialSettings, Tap
 
 Whole = Callable[[bytes], bool]
 """Tells whether an answer is complete."""
 
-_OPEN_ERRORS: tuple[type[Exception], ...] = (*_PORT_ERRORS, ValueError)
 _BITS_PER_CHARACTER = 11  # the longest frame: start, eight data bits, parity or a second stop bit, stop
 _SLOWEST_BAUD = 1200  # for a line behind a serial server
-_WRITE_TIMEOUT_S = 5.0  # flow control may hold up a port for ever
 _LONGEST_REPLY = 1 << 20  # bytes; chosen: more than any memory of readings printed as text
 _TALKS_ON_S = 10.0  # chosen: an instrument that still sends then was set to send by itself
 _DTR_S = 0.01  # chosen, for an adapter that sends what it holds
 _NOT_SAID = bytes([0x11, 0x13])  # XON and XOFF: flow control, never part of an answer
 
 
-@dataclass(frozen=True)
-class SerialSettings:
-    """Settings of an instrument's line.
-
-    Attributes:
-        baud: symbols per second.
-        frame: data bits, parity, stop bits.
-        flow: flow control of a real port; a pseudo-terminal or a simulated line has none.
-        send_end: end of a command.
-        reply_end: last character of a reply; white space around a reply is not part of it.
-        timeout_s: bench seconds within which an ordinary reply is complete.
-        quiet_s: bench seconds of silence after which the line counts as synchronised again.
-        sync: a question without side effects that is only used for synchronisation, and a pattern of all its answers;
-            None if there is none, and silence must be enough.
-        encoding: of replies, and of commands; with Latin-1 any byte may be part of an answer.
-    """
-
-    baud: int
-    frame: Frame = "8N1"
-    flow: Flow = "none"
-    send_end: bytes = b"\n"
-    reply_end: bytes = b"\n"
-    timeout_s: float = 1.0
-    quiet_s: float = 0.3
-    sync: tuple[str, str] | None = None
-    encoding: Literal["ascii", "utf-8", "latin-1"] = "ascii"
-
-
-class SerialLine:
+class SerialLine(PortOfLine):
     """One open serial line.
 
     Args:
@@ -100,48 +52,22 @@ class SerialLine:
     def __init__(
         self, address: str, settings: SerialSettings, clock: Clock, *, label: str = "", tap: Tap | None = None
     ) -> None:
-        self.address = address
-        self._place = text_address(address)
-        self.settings = settings
         self._reply_end = settings.reply_end.decode("ascii")
-        self.clock = clock
-        self.label = label or address
         self.exchanges = 0
         self.retries = 0
-        self.user: object = None
         self._last = b""  # end of what was heard last, of an instrument that talks by itself
         self._tap = tap
-        self._out_of_step = False
         self._owed = False  # number of an answer that may still come
-        self._parity = False  # whether the frame of the open port has one; of a VISA instrument none
         self._wrong_parity = False  # a character of the last answer came with a wrong parity
         self._doubtful = False  # something was removed from the last answer that may have been a changed digit
-        self._port: Port | None = self._open()
-
-    @property
-    def where(self) -> str:
-        """The instrument and its address, for messages."""
-        return self.label if self.label == self.address else f"{self.label} at {self.address}"
-
-    @property
-    def rs232(self) -> bool:
-        """Whether the instrument may be at a serial line: not if its bus has messages, as GPIB."""
-        return not self._place.messages
-
-    @property
-    def port_settings(self) -> str:
-        """Settings of the port, for messages; empty over TCP, where they are the serial server's."""
-        if not self._place.timed:
-            return ""
-        flow = "" if self.settings.flow == "none" else f", flow control {self.settings.flow}"
-        return f"{self.settings.baud} baud {self.settings.frame}{flow}"
+        super().__init__(address, settings, clock, label)
 
     def write(self, text: str) -> None:
         """Send a command without reply, at once: it cannot be mistaken for another. Raises `Unreachable`."""
         port = self._port or self._reopened()
         try:
             self._send(port, text)
-        except _PORT_ERRORS as error:
+        except PORT_ERRORS as error:
             self._lost(error)
 
     def query(self, text: str, timeout_s: float | None = None, *, repeat: bool = True) -> str:
@@ -218,7 +144,7 @@ class SerialLine:
                 if torn and self.settings.reply_end in received:
                     torn, received = False, received.partition(self.settings.reply_end)[2]
             self._last = received
-        except _PORT_ERRORS as error:
+        except PORT_ERRORS as error:
             self._lost(error)
         finally:
             self._tell_tap(raw)
@@ -229,6 +155,26 @@ class SerialLine:
             return line.decode(self.settings.encoding).strip()
         except UnicodeDecodeError:
             raise self.bad_reply("nothing", bytes(line), "text; do baud rate and frame match") from None
+
+    def beyond(self) -> str:
+        """What an instrument sends after a whole answer, within `quiet_s`; "" if it is silent. It would be
+        the answer to the next question.
+
+        Raises:
+            Unreachable: the port is gone.
+        """
+        if self._place.messages:  # their end is marked on the bus
+            return ""
+        port, heard = self._port or self._reopened(), bytearray()
+        end = self.clock.now() + _TALKS_ON_S
+        try:
+            port.timeout = self.clock.timeout(self.settings.quiet_s)
+            while (said := port.read(4096)) and self.clock.now() <= end:
+                heard += said
+        except PORT_ERRORS as error:
+            self._lost(error)
+        self._tell_tap(heard)
+        return _said(heard).decode("latin-1").strip()
 
     def drain(self, waiting: int = 0) -> None:
         """Listen until the instrument has been silent for `quiet_s`, and discard its bytes.
@@ -257,7 +203,7 @@ class SerialLine:
                         f"{self.where} sends without being asked: is it set to send by itself, "
                         f"or is another instrument on this line?"
                     )
-        except _PORT_ERRORS as error:
+        except PORT_ERRORS as error:
             self._lost(error)
         self._out_of_step = False
 
@@ -284,7 +230,7 @@ class SerialLine:
                 # the character has left the adapter, too
                 self.clock.sleep(2 * _BITS_PER_CHARACTER / self.settings.baud + _DTR_S)
                 port.dtr = True
-        except _PORT_ERRORS as error:
+        except PORT_ERRORS as error:
             self._lost(error)
         self.drain()
 
@@ -302,49 +248,11 @@ class SerialLine:
         """Maximum bench seconds for this many characters on the line; unknown over TCP."""
         return characters * _BITS_PER_CHARACTER / (self.settings.baud if self._place.timed else _SLOWEST_BAUD)
 
-    def close(self) -> None:
-        """Release the port; idempotent. The line opens again at its next use."""
-        port, self._port = self._port, None
-        if port is not None:
-            port.close()
-
-    def _open(self) -> Port:
-        settings = self.settings
-        if refused := flow_refused(settings.flow, self._place):
-            raise Unreachable(f"{self.where}: {refused}")
-        # A pseudo-terminal carries whole bytes, refuses every other frame and has no flow control lines.
-        terminal = os.path.realpath(self._place.place).startswith("/dev/pts/")
-        self._has_dtr = self._place.timed and not terminal
-        frame = "8N1" if terminal else settings.frame
-        self._parity = frame[1] != "N"
-        try:
-            port = opener(self._place.place, frame)(
-                self._place.place,
-                baudrate=settings.baud,
-                bytesize=int(frame[0]),
-                parity=frame[1],
-                stopbits=int(frame[2]),
-                timeout=self.clock.timeout(settings.timeout_s),
-                write_timeout=None if "://" in self._place.place else _WRITE_TIMEOUT_S,  # rfc2217:// refuses one
-                exclusive=True,  # a terminal program on the same port would take answers away
-                **flow_arguments("none" if terminal else settings.flow),
-            )
-            return without_delay(cast(Port, port))
-        except _OPEN_ERRORS as error:
-            raise Unreachable(
-                f"{self.where} cannot be opened ({error}); check power, cable, address and permissions"
-            ) from error
-
-    def _reopened(self) -> Port:
-        self._port = port = self._open()
-        self._out_of_step, self.user = True, None
-        return port
-
     def _in_step(self) -> Port:
         port = self._port or self._reopened()
         try:
             waiting = port.in_waiting
-        except _PORT_ERRORS as error:
+        except PORT_ERRORS as error:
             self._lost(error)
         if self._out_of_step:
             self.drain()
@@ -373,17 +281,12 @@ class SerialLine:
                     self._out_of_step = True
                     raise self._silent(question, bytes(heard[-40:]), timeout_s)
                 heard += more
-        except _PORT_ERRORS as error:
+        except PORT_ERRORS as error:
             self._lost(error)
         finally:
             self._tell_tap(raw)
         self._owed = False
         self.drain()  # the same question may have been asked before without an answer
-
-    def _limit(self, port: Port, timeout_s: float) -> None:
-        limit = self.clock.timeout(timeout_s)
-        if port.timeout != limit:  # setting it reprograms a real port, so it is set only if it changes
-            port.timeout = limit
 
     def _send(self, port: Port, text: str) -> None:
         data = text.encode(self.settings.encoding) + self.settings.send_end
@@ -398,7 +301,7 @@ class SerialLine:
             self._limit(port, timeout_s)
             self._send(port, text)
             received = self._receive(port, text, count, timeout_s, whole)
-        except _PORT_ERRORS as error:
+        except PORT_ERRORS as error:
             self._lost(error)
         if whole is not None:
             return [received.decode("latin-1")]
@@ -409,7 +312,7 @@ class SerialLine:
             doubt = "" if self._place.messages else f"; {doubt} the instrument's?"
             raise self.bad_reply(text, received, f"text{doubt}") from None
         if len(lines) != count + 1 or lines[-1].strip():
-            raise self.bad_reply(text, received, f"{count} line(s)")
+            raise self.bad_reply(text, received, f"{count} line(s); `lines` says how many a question of a file has")
         return [line.strip() for line in lines[:-1]]
 
     def _receive(self, port: Port, text: str, count: int, timeout_s: float, whole: Whole | None) -> bytes:
@@ -470,13 +373,6 @@ class SerialLine:
             f"{self.where} answered {f'only {received!r}' if received else 'nothing'} to {text!r} "
             f"within {timeout_s:g} s; is it switched {state}?"
         )
-
-    def _lost(self, error: BaseException) -> NoReturn:
-        port, self._port = self._port, None
-        if port is not None:
-            with contextlib.suppress(*_PORT_ERRORS):  # it is gone already, and this is being reported
-                port.close()
-        raise Unreachable(f"{self.where} was lost ({error}); check cable and power") from error
 
 
 def _said(heard: bytes | bytearray) -> bytes | bytearray:

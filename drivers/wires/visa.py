@@ -15,7 +15,8 @@ from typing import Any
 from rig.drivers.clock import Clock
 from rig.drivers.errors import Unreachable
 from rig.drivers.wires.port import Port
-from rig.drivers.wires.serial_line import SerialLine, SerialSettings, Tap
+from rig.drivers.wires.serial_line import SerialLine
+from rig.drivers.wires.serial_port import SerialSettings, Tap
 from rig.drivers.wires.visa_address import VisaAddress
 
 _CHUNK = 20_480  # bytes of a read, as pyvisa's own

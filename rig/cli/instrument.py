@@ -189,10 +189,10 @@ def _check(
                 "", "step", "found", box=None, pad_edge=False, title=escape(f"{one.instrument} ({one.address})")
             )
             for step in one.steps:
-                style, word = ("green", "ok") if step.ok else ("bold red", "WRONG")
+                style = {"ok": "green", "DIFFERS": "yellow", "WRONG": "bold red"}[step.word]
                 wire = "".join(f"\n[dim]{escape(line)}[/]" for line in step.wire)
-                table.add_row(f"[{style}]{word}[/]", step.what, escape(step.found) + wire)
+                table.add_row(f"[{style}]{step.word}[/]", step.what, escape(step.found) + wire)
             print_whole(table, out)
-        right = all(one.ok for one in found)
-        err.print(f"{mark(not address)}{'as its file says' if right else 'NOT as its file says'}")
+        for verdict in dict.fromkeys(one.verdict for one in sorted(found, key=lambda one: one.ok)):
+            err.print(f"{mark(not address)}{verdict}")
     return ExitCode.DONE if all(one.ok for one in found) else ExitCode.FAULT

@@ -111,11 +111,12 @@ class BenchActions:
             self._unwatched_s = max(self._unwatched_s, now - self._chambers_read)
         self._chambers_read = now
 
-    def stop_motion(self) -> None:
-        """Stop all axes. Their direction of arrival is unknown from now on."""
+    def stop_motion(self) -> Sequence[str]:
+        """Stop all axes; returns outputs that were on, in words. Their direction of arrival is unknown from now on."""
         self._axes_seen = None  # before the command: also if it fails, what was read last is out of date
-        self._axes.stop()
+        found = self._axes.stop()
         self.arrivals.clear()
+        return found
 
     def set_up(self) -> None:
         """Set every instrument as the bench file declares."""

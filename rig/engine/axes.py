@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, Protocol
 from rig.drivers.errors import DriverError, InstrumentError, NotReady
 from rig.drivers.roles import AxisState, Head, PressureController, Referenced
 from rig.engine.fault_classes import DriveFault, NotHomed, SupplyFailure
+from rig.procedures.column_names import stem_of, unit_of
 from rig.procedures.plan.run_list import Factor
 
 CHAMBER_MARGIN_DEGC = 2.0
@@ -73,6 +74,12 @@ _OF_A_DRIVE = (True, 0.05)
 """`drive` and `margin` of an axis of a head: while it is set to a limit it may pass it by 0.05 deg. Chosen."""
 
 
+def _found_on(name: str, value: float, setpoint: float, *, holds: bool) -> str:
+    """An output that was found on, with what became of it; `name` of what it sets, with its unit."""
+    did = f"its setpoint was made {value:g}, so that it stops there" if holds else "it was left so"
+    return f"{stem_of(name)} was found on at {value:g} {unit_of(name)}, with a setpoint of {setpoint:g}; {did}"
+
+
 class Mover(Protocol):
     """An instrument that moves one or more axes."""
 
@@ -88,8 +95,8 @@ class Mover(Protocol):
         """Start moving the named axes, together."""
         ...
 
-    def stop(self) -> None:
-        """Stop at the present position."""
+    def stop(self) -> str:
+        """Stop at the present position. Returns an output that was on and what became of it, in words; "" for none."""
         ...
 
     def home(self, *, again: bool = False) -> None:
@@ -131,9 +138,10 @@ class HeadMover:
         except (InstrumentError, NotReady) as error:  # a refused command is a fault of its drives
             raise DriveFault("head", 0, str(error)) from error
 
-    def stop(self) -> None:
-        """Stop at the present position."""
+    def stop(self) -> str:
+        """Stop at the present position. A head puts nothing out."""
         self._head.stop()
+        return ""
 
     def home(self, *, again: bool = False) -> None:
         """Start homing axes of unknown zero; all axes if `again`."""
@@ -173,11 +181,17 @@ class PressureMover:
         """Start moving the named axes, together."""
         self._controller.set_pressure(targets[self._axis])
 
-    def stop(self) -> None:
+    def stop(self) -> str:
         """Hold the present pressure while it is changing; a settled or uncontrolled pressure is left alone."""
         state = self._controller.read()
-        if state.controlling and not state.in_limits:
+        holds = state.controlling and not state.in_limits
+        if holds:
             self._controller.stop()
+        return (
+            _found_on(self._quantity, state.pressure_psia, state.setpoint_psia, holds=holds)
+            if state.controlling
+            else ""
+        )
 
     def home(self, *, again: bool = False) -> None:
         """Does nothing: a reference sensor has no zero to find."""
@@ -226,11 +240,13 @@ class SourceMover(_Kept):
         """Start moving the named axes, together."""
         self._instrument.set(targets[self._axis])
 
-    def stop(self) -> None:
+    def stop(self) -> str:
         """Hold the present value while it is changing; a source at its setting, or one that is off, is left alone."""
         state = self._instrument.read()
-        if state.output and not state.settled and abs(state.value - state.setpoint) > self._band:
+        holds = state.output and not state.settled and abs(state.value - state.setpoint) > self._band
+        if holds:
             self._instrument.stop()
+        return _found_on(self._quantity, state.value, state.setpoint, holds=holds) if state.output else ""
 
 
 class ChamberMover(_Kept):
@@ -246,8 +262,9 @@ class ChamberMover(_Kept):
         """Start moving the named axes, together."""
         self._instrument.set_temperature(targets[self._axis])
 
-    def stop(self) -> None:
-        """Nothing moves: it keeps its setpoint."""
+    def stop(self) -> str:
+        """Nothing moves: it keeps its setpoint. Whether it is on is told by its own readback."""
+        return ""
 
 
 class Axes:
@@ -285,16 +302,18 @@ class Axes:
             if own:
                 mover.go(own)
 
-    def stop(self) -> None:
-        """Stop every axis, also after one of them fails. Raises the first error at the end."""
+    def stop(self) -> Sequence[str]:
+        """Stop every axis, also after one of them fails; see `Mover.stop`. Raises the first error at the end."""
         failed: list[DriverError] = []
+        found: list[str] = []
         for mover in self._movers:
             try:
-                mover.stop()
+                found.append(mover.stop())
             except DriverError as error:
                 failed.append(error)
         if failed:
             raise failed[0]
+        return [said for said in found if said]
 
     def home(self, *, again: bool = False) -> None:
         """Start homing axes of unknown zero; all axes if `again`."""

@@ -318,15 +318,17 @@ class Sequencer:
 
     def _checking(self) -> str:
         self._recognise()  # first: no command goes to an exchanged instrument
-        self._do.stop_motion()
+        found_on = self._do.stop_motion()
         # Read before anything is set up, which would remove the evidence of a loss of power.
         restarted = self._do.restarted()
         as_found = self._do.readback()
-        self._journal.write(AsFound(**as_found, restarted=restarted))
+        found = AsFound(**as_found, on=tuple(found_on) or EMPTY, restarted=restarted)
+        self._journal.write(found)
         self._guard.check_run_list(self._run_list, own_limits(self._bench, self._run_list))
         self._checked = True
         if self._queue.peek() is None:
             return "park"
+        self._journal.message = "; ".join(found.outputs)  # until it is prepared
         self._stands &= not restarted
         if self._journal.at is None and self._by_hand.due(self._queue.peek()):
             return self._by_hand.ask()  # before anything is prepared, which a person might disturb

@@ -89,9 +89,9 @@ class Steered:
         self._source.go({self.own.axis: setting})
         self._moved_by = level - self._table.reading(setting)
 
-    def stop(self) -> None:
-        """Stop at the present position."""
-        self._source.stop()
+    def stop(self) -> str:
+        """Stop at the present position; see `Mover.stop`."""
+        return self._source.stop()
 
     def home(self, *, again: bool = False) -> None:
         """Start homing axes of unknown zero; all axes if `again`."""

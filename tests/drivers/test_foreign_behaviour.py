@@ -320,7 +320,7 @@ class TestCheck:
         text = 'prepare = ["UNIT 4"]\ncheck = [{ ask = "UNIT?", is = 4 }]\n' + OLD_FIRST
         with switched() as address:
             found = {step.what: step for step in check(text, "c", address, {}, None, 1.0).steps}
-            assert "--prepare prepares it" in found["settings"].found
+            assert found["settings"].word == "DIFFERS"
             assert "unit and range of this are not known" in found["three readings of each channel"].found
             found = {step.what: step for step in check(text, "c", address, {}, None, 1.0, prepare=True).steps}
             assert not found["prepare"].ok

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rig.run_file.bodies import Chambers, Count, Counts, Seconds, Table, Text, Words
-from rig.run_file.events.event import DETAIL, EMPTY, ROUTINE, Event, Importance, Status, at
+from rig.run_file.events.event import DETAIL, EMPTY, ROUTINE, STEP, Event, Importance, Status, at
 
 if TYPE_CHECKING:
     from rig.run_file.columns import Columns
@@ -21,15 +21,36 @@ _GIVEN_UP = Importance("fault", "error")
 
 @dataclass(frozen=True, kw_only=True)
 class AsFound(Event, status="as-found", matters=ROUTINE):
-    """The bench as found before any command: axes, chambers, and instruments that had restarted."""
+    """The bench as found before it is prepared: axes, chambers, outputs that were on, instruments that had restarted.
+
+    Motion had been stopped: `on` says of what kept changing that it holds its value.
+    """
 
     axes: Table = EMPTY
     chambers: Table = EMPTY
+    on: Words = EMPTY
     restarted: Words = ()
 
+    @property
+    def importance(self) -> Importance:
+        """A step if something was on."""
+        return STEP if self.outputs else ROUTINE
+
+    @property
+    def outputs(self) -> Sequence[str]:
+        """What was on, with its value, and what became of it, in words."""
+        chambers = [
+            f"{name} was found on at {one['temperature_degC']:g} degC, with a setpoint of {one['setpoint_degC']:g}; "
+            f"it was left so"
+            for name, one in self.chambers.items()
+            if one.get("running")
+        ]
+        return [*self.on, *chambers]
+
     def sentence(self, record: Columns) -> str:
-        """Who had restarted."""
-        return f"the bench was read as found{_restarted(self.restarted)}"
+        """What was on, and who had restarted."""
+        on = "".join(f"; {words}" for words in self.outputs)
+        return f"the bench was read as found{on}{_restarted(self.restarted)}"
 
 
 @dataclass(frozen=True, kw_only=True)

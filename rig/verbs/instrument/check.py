@@ -21,6 +21,7 @@ from rig.contracts.declared.frames import shown as as_frame
 from rig.contracts.declared.instrument import Instrument, parse
 from rig.contracts.declared.replay import replayed
 from rig.drivers.clock import Clock, RealClock
+from rig.drivers.declared.base import Setting
 from rig.drivers.declared.reader import OneByOneReader
 from rig.drivers.errors import DriverError
 from rig.drivers.roles import Reader, Source, WithUnits
@@ -56,12 +57,19 @@ class Step:
         wire: what went over the wire, as text.
         found: what came of it, a sentence.
         ok: whether it is as the file says.
+        differ: of settings that were only read: those that are others than in the file.
     """
 
     what: str
     wire: list[str] = field(default_factory=list)
     found: str = ""
     ok: bool = True
+    differ: int = 0
+
+    @property
+    def word(self) -> str:
+        """Its result in a word."""
+        return "WRONG" if not self.ok else "DIFFERS" if self.differ else "ok"
 
 
 @dataclass(frozen=True)
@@ -88,19 +96,29 @@ class Checked:
         """Whether every step is as the file says."""
         return all(step.ok for step in self.steps)
 
+    @property
+    def verdict(self) -> str:
+        """The result in words."""
+        if not self.ok:
+            return "NOT as its file says"
+        if differ := sum(step.differ for step in self.steps):
+            them = "settings differ" if differ > 1 else "setting differs"
+            return f"as its file says, but {differ} {them}: it is not prepared (--prepare prepares it)"
+        return "as its file says"
+
     def as_json(self) -> dict[str, Any]:
         """Plain values."""
         steps = [vars(step) for step in self.steps]
         head = {key: getattr(self, key) for key in ("file", "sha256", "instrument", "address", "at")}
-        return {**head, "rig": VERSION, "ok": self.ok, "steps": steps}
+        return {**head, "rig": VERSION, "ok": self.ok, "verdict": self.verdict, "steps": steps}
 
     def report(self) -> str:
         """A page for the files of a laboratory, Markdown."""
         lines = [f"# {self.instrument}, held against its file\n", f"- file: {self.file}, SHA-256 {self.sha256}"]
         lines += [f"- asked: {self.address}", f"- begun: {self.at}", f"- calibration-rig {VERSION}"]
-        lines.append(f"- result: {'as its file says' if self.ok else 'NOT as its file says'}\n")
+        lines.append(f"- result: {self.verdict}\n")
         for step in self.steps:
-            lines.append(f"## {step.what}: {'ok' if step.ok else 'WRONG'}\n\n{step.found}\n")
+            lines.append(f"## {step.what}: {step.word}\n\n{step.found}\n")
             lines += [f"```text\n{chr(10).join(step.wire)}\n```\n"] if step.wire else []
         return "\n".join(lines)
 
@@ -284,20 +302,24 @@ def _steps(
     yield Step("identity"), identity
     if setting:
         yield Step("prepare"), lambda: anything.prepare() or ""
-    if table.check or table.healthy:
+    if table.check or table.healthy or table.prepare:
+        step = Step("settings")
 
         def settings() -> str:
             nonlocal doubt
-            wrong = driver.wrong()
+            every = driver.settings()
+            told = "; ".join(map(_said, every))
+            wrong = [one for one in every if one.declared and not one.same]
             if wrong and setting:
-                raise RigError("; ".join(wrong))
+                raise RigError(told)
+            step.differ = sum(not one.why_not for one in wrong)
             if wrong:
                 doubt = ". Its settings are others than those of the file: unit and range of this are not known"
-            return "; ".join(wrong) + (
-                " (it is not prepared: only questions were sent; --prepare prepares it)" if wrong else "all as declared"
-            )
+            elif not setting and not all(one.same for one in every):
+                doubt = _UNPREPARED
+            return told
 
-        yield Step("settings"), settings
+        yield step, settings
     starts = [key for key in ("start", "number") if getattr(table.reader, key, ())]
     if isinstance(driver, Reader) and starts and not setting:
         yield Step("readings"), lambda: f"none: reader.{starts[0]} is a command, and only questions are sent"
@@ -306,10 +328,13 @@ def _steps(
         def readings() -> str:
             driver.start(3)
             units = driver.units() if isinstance(driver, WithUnits) else {}
-            return "; ".join(
-                f"{name}: {', '.join(f'{value:g}' for value in values)} {units.get(name, '')}"
-                for name, values in driver.fetch().items()
-            ) + (doubt or _UNPREPARED * (not setting and bool(table.prepare)))
+            return (
+                "; ".join(
+                    f"{name}: {', '.join(f'{value:g}' for value in values)} {units.get(name, '')}"
+                    for name, values in driver.fetch().items()
+                )
+                + doubt
+            )
 
         yield Step("three readings of each channel" if len(driver.channels()) > 1 else "three readings"), readings
         if isinstance(driver, OneByOneReader) and len(driver.channels()) > 1:
@@ -329,6 +354,13 @@ def _steps(
             if took.ok:
                 yield Step("settle"), lambda: _settled(driver, clock, wait_s)
             yield Step("safe state"), lambda: anything.make_safe() or state()
+
+
+def _said(one: Setting) -> str:
+    """A setting in words."""
+    if one.why_not:
+        return f"{one.asked}: not read, {one.why_not}"
+    return f"{one.asked} answers {one.found}: " + ("same" if one.same else f"differs, {one.declared} is declared")
 
 
 def _first(pairs: Sequence[tuple[float, float]]) -> str:
