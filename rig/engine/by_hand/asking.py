@@ -52,7 +52,7 @@ class ByHand:
         clock: Clock,
         path: Path,
         *,
-        stop_motion: Callable[[], None],
+        stop_motion: Callable[[], object],
         person: Person | None,
         hold_max_s: float,
         settings: Settings,
