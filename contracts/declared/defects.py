@@ -91,6 +91,21 @@ def wrong_frames(wire: Wire, own: Mapping[str, str], parameters: Mapping[str, st
         yield "wire: a stream or an echo needs lines that end with a character of their own"
 
 
+def wrong_places(place: str, one: Ask | Tell, *, modbus: bool) -> Iterator[str]:
+    """Where decimals are no register of registers, or no field of an answer."""
+    if one.places and one.decimals is None:
+        yield f"{place}: places are codes of decimals, which is missing: the register or field that has the code"
+    if one.decimals is not None and modbus != isinstance(one.decimals, int):
+        yield f"{place}: decimals = {one.decimals!r} has to be {'a register' if modbus else 'a field of its answer'}"
+    elif isinstance(one.decimals, str):
+        forms = one.forms if isinstance(one, Ask) else ()
+        if not forms or any("{value" in form and f"{{{one.decimals}" not in form for form in forms):
+            yield f"{place}: no field {one.decimals} in its answer, {' or '.join(forms) or 'which a command has not'}"
+    for code, places in one.places.items():
+        if not code.isdecimal() or not 0 <= places <= 9:
+            yield f"{place}.places: {code} = {places} is no code with a number of decimals"
+
+
 def wrong_forms(place: str, one: Ask | Tell, line: str | None, parameters: Mapping[str, object]) -> Iterator[str]:
     """Lines and answers of a question or a command that are no forms."""
     known = {"value", "count", "channel", "mark", *parameters}

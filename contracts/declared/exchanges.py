@@ -34,13 +34,27 @@ class Register(Strict):
     type: Kind | None = Field(None, description="type of the number; left out: that of the wire")
     scale: float = Field(1.0, description="a number times this, plus offset, is the quantity in its unit")
     offset: float = Field(0.0, description="see scale")
-    decimals: int | None = Field(None, ge=0, le=65535, description="register that says how many decimals it has")
+    decimals: Annotated[int, Field(ge=0, le=65535)] | str | None = Field(
+        None, description="register, or field of the answer, that says how many decimals it has"
+    )
+    places: dict[str, int] = Field(
+        {}, description="number of decimals by what that holds, if it is a code: `{ 0 = 3, 1 = 2 }`"
+    )
     signed: bool = Field(False, description="a hexadecimal number is a two's complement of its width")
     frame: str | None = Field(None, description="frame of this line, if it is not that of `request` of the wire")
 
     def shown(self, value: float) -> float:
         """A quantity as the number on the wire."""
         return (value - self.offset) / self.scale
+
+    def places_of(self, said: float) -> int:
+        """Number of decimals by what the register or field of `decimals` holds. Raises `ValueError` if it is none."""
+        known = {float(code): places for code, places in self.places.items()}
+        found = known.get(said) if known else int(said) if said in range(10) else None
+        if found is None:
+            wanted = f"one of its places, {', '.join(self.places)}" if known else "a number of decimals"
+            raise ValueError(f"{self.decimals} should be {wanted}, and is {said:g}")
+        return found
 
     def quantity(self, number: float) -> float:
         """A number on the wire as quantity."""

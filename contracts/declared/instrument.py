@@ -19,6 +19,7 @@ from rig.contracts.declared.defects import (
     wrong_forms,
     wrong_frames,
     wrong_numbers,
+    wrong_places,
 )
 from rig.contracts.declared.exchanges import Ask, Check, Strict, Tell, Tells, Texts
 from rig.contracts.declared.forms import Form
@@ -252,6 +253,7 @@ class Instrument(Strict):
             if self.modbus and isinstance(one, Tell) and one.value is None and place != "source.set":
                 yield f"{place} has no value to write"
             yield from wrong_forms(place, one, line, self.parameters)
+            yield from wrong_places(place, one, modbus=self.modbus)
             if isinstance(one, Ask):
                 yield from unknown_words(f"{place}.words", one.words)
                 if self.modbus and place not in ("source.output", "source.settled"):

@@ -106,7 +106,8 @@ class Source(Strict):
                 if field is not None and (field.decimals >= 0 or field.kind in ("d", "x")) and field.kind[:1] != "e":
                     return abs(one.scale) * 10.0 ** -max(field.decimals, 0)
             elif one.value is None and one.type != "float32":
-                return 0.0 if one.type is None and one.scale == 1.0 else abs(one.scale)
+                unknown = one.decimals is not None or (one.type is None and one.scale == 1.0)
+                return 0.0 if unknown else abs(one.scale)
         return 0.0
 
     @property

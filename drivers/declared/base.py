@@ -192,6 +192,20 @@ class Declared:
             return Setting(check.said, declared=declared, why_not=str(error))
         return Setting(check.said, found.printed, declared, same=same)
 
+    def numbers(self) -> Sequence[str]:
+        """Numbers without a decimal point that were read last, beside what they were taken for, in words."""
+        told = []
+        for place, ask in self.table.asks():
+            wanted = place.endswith(".reading") or place in ("source.setpoint", "source.read")
+            printed, value = self._talk.printed.get(id(ask), (".", 0.0)) if wanted else (".", 0.0)
+            plain = ask.decimals is None and ask.scale == 1.0
+            if "." in printed and plain:
+                continue
+            how = "by its decimals" if ask.decimals is not None else "by its scale"
+            how = "since neither scale nor decimals is declared" if plain else how
+            told.append(f"{ask.said}: {printed} is taken for {value:g}, {how}")
+        return told
+
     def _lost(self) -> bool:
         """Whether its power has been off since it was prepared; False if nothing tells."""
         mark = self.table.mark

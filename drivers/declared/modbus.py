@@ -14,6 +14,7 @@ from rig.drivers.errors import BadReply, LimitError
 from rig.drivers.wires import Wires
 
 _FORMATS = {"int16": ">h", "uint16": ">H", "int32": ">i", "uint32": ">I", "float32": ">f"}
+_WHOLE = ("int16", "uint16", "int32", "uint32")
 
 
 class ModbusTalk(Talk):
@@ -43,13 +44,14 @@ class ModbusTalk(Talk):
 
     def _places(self, one: Register) -> float:
         """Power of ten by the register that says how many decimals a number has. Raises `BadReply`."""
-        if one.decimals is None:
+        if not isinstance(one.decimals, int):
             return 1.0
         self.paced()
-        (places,) = self.line.read(self._number(one.decimals))
-        if places > 6:
-            raise BadReply(f"{self.where}: register {one.decimals} should be a number of decimals, and is {places}")
-        return 10.0**-places
+        (said,) = self.line.read(self._number(one.decimals))
+        try:
+            return 10.0 ** -one.places_of(said)
+        except ValueError as error:
+            raise BadReply(f"{self.where}: register {error}") from None
 
     def _read(self, one: Register) -> float:
         self.paced()
@@ -73,7 +75,10 @@ class ModbusTalk(Talk):
             raise self.bad(ask, printed, "a number")
         if ask.bit is not None or ask.type == "bit" or ask.table in ("coil", "discrete"):
             meaning = meaning or ("on" if int(number) >> (ask.bit or 0) & 1 else "off")
-        return Answer({"value": printed}, ask.quantity(number) * self._places(ask), meaning, printed)
+        value = ask.quantity(number) * self._places(ask)
+        if (ask.type or self.table.wire.type) in _WHOLE and ask.table in ("holding", "input") and ask.bit is None:
+            self.printed[id(ask)] = printed, value
+        return Answer({"value": printed}, value, meaning, printed)
 
     def tell(self, tell: Tell, holes: Holes = NOTHING, *, checked: bool = True) -> None:
         """Write a register. Never repeated. Raises `InstrumentError`."""

@@ -185,7 +185,7 @@ class DeclaredReader(Declared):
             text = found.fields[channel.field]
             if self._talk.meant(ask, text, None) == "overload":
                 return "", OVERLOAD
-            return self._value(text, self._talk.value_of(ask, channel.field, text))
+            return self._value(text, self._talk.value_of(ask, channel.field, found))
         if found.meaning == "overload":
             return "", OVERLOAD
         if found.value != found.value:

@@ -50,6 +50,8 @@ class Talk(ABC):
     def __init__(self, table: Instrument, clock: Clock, where: str) -> None:
         self.table, self.clock, self.where = table, clock, where
         self.hooks: Mapping[str, Function] = {}
+        self.printed: dict[int, tuple[str, float]] = {}
+        """Numbers as they were read last, and as quantities, by the identity of their question."""
         self._free = -math.inf  # the time from which the next line, request or message may be sent
 
     @abstractmethod
@@ -76,9 +78,9 @@ class Talk(ABC):
     def close(self) -> None:
         """Release the wire; idempotent."""
 
-    def value_of(self, ask: Ask, field: str, text: str) -> float:
+    def value_of(self, ask: Ask, field: str, found: Answer) -> float:
         """The number in another field of an answer, as quantity. Raises `BadReply`."""
-        raise self.bad(ask, text, f"no field {field}: a register has none")
+        raise self.bad(ask, found.printed, f"no field {field}: a register has none")
 
     def raise_errors(self) -> None:  # noqa: B027
         """Ask for errors. Raises `InstrumentError`. An instrument that has no question for them says nothing."""

@@ -164,7 +164,8 @@ class TextTalk(LinesTalk):
                 meaning = meaning or (self.meant(ask, text, number, holes) if words else "")
                 if ask.bit is not None:
                     meaning = "on" if int(number) >> ask.bit & 1 else "off"
-                value = ask.quantity(number)
+                value = self._quantity(ask, form, fields, number)
+                self.printed[id(ask)] = text.replace(",", "."), value
             elif name == "unit":
                 self._same_unit(ask, raw, text)
             elif name in holes:
@@ -187,13 +188,27 @@ class TextTalk(LinesTalk):
         except ValueError:
             raise self.bad(ask, raw, "a number") from None
 
-    def value_of(self, ask: Ask, field: str, text: str) -> float:
+    def value_of(self, ask: Ask, field: str, found: Answer) -> float:
         """The number in another field of an answer, as quantity. Raises `BadReply`."""
         form = next(form for form in self._of(ask).answers if field in form.fields)
         try:
-            return ask.quantity(form.fields[field].read(text, signed=ask.signed))
+            number = form.fields[field].read(found.fields[field], signed=ask.signed)
         except ValueError:
-            raise self.bad(ask, text, f"a number as {field}") from None
+            raise self.bad(ask, found.fields[field], f"a number as {field}") from None
+        value = self._quantity(ask, form, found.fields, number)
+        self.printed[id(ask)] = found.fields[field].replace(",", "."), value
+        return value
+
+    def _quantity(self, ask: Ask, form: Form, fields: Mapping[str, str], number: float) -> float:
+        """A number as quantity, with the decimals that another field of its answer says. Raises `BadReply`."""
+        value = ask.quantity(number)
+        if isinstance(ask.decimals, str) and ask.decimals in fields:
+            said = fields[ask.decimals]
+            try:
+                value *= 10.0 ** -ask.places_of(form.fields[ask.decimals].read(said))
+            except ValueError as error:
+                raise self.bad(ask, said, f"as {ask.decimals} its decimals ({error})") from None
+        return value
 
     def _same_unit(self, ask: Ask | Tell, raw: str, printed: str) -> None:
         table = self.table

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from math import inf, isfinite, nan
 from typing import Any, ClassVar, NamedTuple
 
-from rig.contracts.declared.exchanges import Ask, Check, Tell
+from rig.contracts.declared.exchanges import Ask, Check, Register, Tell
 from rig.contracts.declared.instrument import Instrument
 from rig.contracts.declared.roles import Channel
 from rig.sims.faults import Kind
@@ -38,6 +38,14 @@ class Said(NamedTuple):
     meaning: str = ""
     fields: Mapping[str, float | str] = {}
     after_s: float = 0.0
+
+
+def places_of(one: Register) -> tuple[int, int]:
+    """What it says of the decimals of its numbers, where it says that, and how many these are."""
+    if one.decimals is None:
+        return 0, 0
+    code, places = max(one.places.items(), key=lambda known: known[1] == 1, default=("1", 1))
+    return int(code), places
 
 
 class Behaviour:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.forms import Field, Form
-from rig.sims.declared.behaviour import OVERLOAD, Behaviour, Refused, Said
+from rig.sims.declared.behaviour import OVERLOAD, Behaviour, Refused, Said, places_of
 from rig.sims.world import World
 
 _COMMAND_S = 0.003  # time for one line [?]
@@ -304,6 +304,8 @@ class LinesTwin(Behaviour):
             return self._number(ask, field, found) if isinstance(found, float) and name not in ("mark",) else found
         if name in holes:
             return holes[name]
+        if name == ask.decimals:
+            return str(places_of(ask)[0])
         if name == "unit":
             return self._unit()
         if name == "value":
@@ -321,7 +323,7 @@ class LinesTwin(Behaviour):
         return "0"
 
     def _number(self, ask: Ask, field: Field, value: float) -> float | str:
-        number = ask.shown(value) if abs(value) < OVERLOAD / 2 else value
+        number = ask.shown(value) * 10.0 ** places_of(ask)[1] if abs(value) < OVERLOAD / 2 else value
         if not field.kind and field.decimals < 0 and not field.width:
             return (
                 f"{number:+.9E}"

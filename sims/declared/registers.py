@@ -8,14 +8,12 @@ from math import inf, isnan
 from typing import Any
 
 from rig.contracts.declared.exchanges import Ask, Check, Register, Tell
-from rig.sims.declared.behaviour import OVERLOAD, Behaviour, Refused
+from rig.sims.declared.behaviour import OVERLOAD, Behaviour, Refused, places_of
 from rig.sims.wires.modbus_slave import ILLEGAL_ADDRESS, ILLEGAL_VALUE
 from rig.sims.wires.modbus_slave import Refused as Exception_
 from rig.sims.world import World
 
 _FORMATS = {"int16": ">h", "uint16": ">H", "int32": ">i", "uint32": ">I", "float32": ">f"}
-_PLACES = 1
-"""Decimals that a register with their number has."""
 
 
 class _Table:
@@ -52,16 +50,16 @@ class RegistersTwin(Behaviour):
         first = self.table.wire.first_register
         self._asks: dict[tuple[str, int], tuple[str, Ask]] = {}
         self._tells: dict[tuple[str, int], list[tuple[str, Tell]]] = {}
-        self._places: set[int] = set()
+        self._places: dict[int, int] = {}
         self._kept: dict[tuple[str, int], float] = {}
         for place, ask in self.table.asks():
             key = ask.table, (ask.register_ or 0) - first
             if key not in self._asks or self._asks[key][0] == "identity":
                 self._asks[key] = (place, ask)
-            self._places |= {ask.decimals - first} if ask.decimals is not None else set()
+            self._places |= {ask.decimals - first: places_of(ask)[0]} if isinstance(ask.decimals, int) else {}
         for place, tell in self.table.tells():
             self._tells.setdefault((tell.table, (tell.register_ or 0) - first), []).append((place, tell))
-            self._places |= {tell.decimals - first} if tell.decimals is not None else set()
+            self._places |= {tell.decimals - first: places_of(tell)[0]} if isinstance(tell.decimals, int) else {}
         self._big = self.table.wire.word_order == "big"
         self.registers = _Table(self, "holding")
         for attribute, table in (("inputs_table", "input"), ("coils", "coil"), ("discretes", "discrete")):
@@ -79,7 +77,7 @@ class RegistersTwin(Behaviour):
     def words(self, table: str, address: int) -> list[int]:
         """The words of the number that begins at an address. Raises `rig.sims.wires.modbus_slave.Refused`."""
         if table == "holding" and address in self._places and (table, address) not in self._asks:
-            return [_PLACES]
+            return [self._places[address]]
         if (table, address) in self._asks:
             place, ask = self._asks[table, address]
             number = self._shown(place, ask)
@@ -115,8 +113,7 @@ class RegistersTwin(Behaviour):
             return float(words[said.meaning])
         if isnan(said.value):
             return float(self._kept.get(key, 0.0))
-        scale = 10.0**_PLACES if ask.decimals is not None else 1.0
-        return ask.shown(said.value) * scale if abs(said.value) < OVERLOAD / 2 else inf
+        return ask.shown(said.value) * 10.0 ** places_of(ask)[1] if abs(said.value) < OVERLOAD / 2 else inf
 
     def written(self, table: str, address: int, words: list[int]) -> None:
         """Write the number at an address. Raises `rig.sims.wires.modbus_slave.Refused`."""
@@ -133,8 +130,7 @@ class RegistersTwin(Behaviour):
             number = float(struct.unpack(form, struct.pack(f">{len(words)}H", *ordered))[0])
         for place, tell in known:
             if tell.value is None:
-                scale = 10.0**_PLACES if tell.decimals is not None else 1.0
-                self._do(place, tell, {"value": number / scale})
+                self._do(place, tell, {"value": number / 10.0 ** places_of(tell)[1]})
                 break
             if tell.value == number:
                 self._do(place, tell, {})

@@ -348,12 +348,14 @@ def _steps(
             return f"setpoint {found.setpoint:g}, reads {found.value:g} {driver.unit()}, {on}, {settled}{doubt}"
 
         yield Step("state"), state
-        if setpoint is not None:
-            took = Step(f"set {setpoint:g} {driver.unit()}")
-            yield took, lambda: anything.set(setpoint) or ""
-            if took.ok:
-                yield Step("settle"), lambda: _settled(driver, clock, wait_s)
-            yield Step("safe state"), lambda: anything.make_safe() or state()
+    if told := driver.numbers():
+        yield Step("numbers without a decimal point"), lambda: "; ".join(told)
+    if isinstance(driver, Source) and setpoint is not None:
+        took = Step(f"set {setpoint:g} {driver.unit()}")
+        yield took, lambda: anything.set(setpoint) or ""
+        if took.ok:
+            yield Step("settle"), lambda: _settled(driver, clock, wait_s)
+        yield Step("safe state"), lambda: anything.make_safe() or state()
 
 
 def _said(one: Setting) -> str:

@@ -67,7 +67,8 @@ def _lines(ask: Ask, wire: str, role: str, unit: str, maker: str, model: str) ->
     if wire == "stream":
         found += ['answer = "{text}"               # the form of its lines, so that no other is believed', ""]
         said = ask("One line that it sends, from the manual", f"23.45 {unit}")
-        return [*found, "[reader]", f'unit = "{unit}"', f"reading = {{ answer = {_text(form_of(said))} }}"]
+        reading = f"reading = {{ answer = {_text(form_of(said))}{_scale(ask, said, unit)} }}"
+        return [*found, "[reader]", f'unit = "{unit}"', reading]
     question = ask("Question for its identity", "*IDN?")
     said = ask("Its answer, as the manual prints it", f"{maker},{model},123456,1.0")
     form = re.sub(re.escape(maker), "{maker}", said, count=1)
@@ -114,11 +115,21 @@ def _reader(ask: Ask, unit: str) -> Iterator[str]:
     proposed = f"READ? {first}" if channels and not select else "READ?"
     question = ask(f"Question for a reading{f' of channel {first}' if channels else ''}", proposed)
     said = ask("Its answer, as the manual prints it", f"23.45 {unit}")
-    yield f"reading = {{ ask = {_text(_named(question, first))}, answer = {_text(form_of(said))} }}"
+    scaled = _scale(ask, said, unit)
+    yield f"reading = {{ ask = {_text(_named(question, first))}, answer = {_text(form_of(said))}{scaled} }}"
     yield "reading_s = 0.5"
     if channels:
         yield from ["", "[reader.channels]               # unit = ... in its braces if it has another one"]
         yield from (f'"{one}" = {{}}' for one in channels)
+
+
+def _scale(ask: Ask, said: str, unit: str) -> str:
+    """The scale of an answer whose number has no decimal point, as it stands in a file; "" for none."""
+    found = _NUMBER.search(said)
+    if found is None or "." in found[0] or not float(found[0]):
+        return ""
+    means = ask(f"Its number {found[0]} has no decimal point: how many {unit} is it", found[0])
+    return "" if float(means) == float(found[0]) else f", scale = {float(means) / float(found[0]):.12g}"
 
 
 def _named(command: str, channel: str) -> str:
@@ -137,8 +148,13 @@ def _registers(ask: Ask, role: str, unit: str) -> list[str]:
         f"[{role}]",
         f'unit = "{unit}"',
     ]
-    scale = ask("A register of 234 that means 23.4 has the scale", "0.1")
-    tail = f", scale = {scale} }}"
+    places = ask("Register that says how many decimals a number has (empty: none)", "")
+    scale = "" if places else ask("A register of 234 that means 23.4 has the scale", "0.1")
+    tail = f", decimals = {places} }}" if places else f", scale = {scale} }}"
+    if places:
+        codes = ask("Decimals by what it holds, if that is a code, such as 0=3 1=2 (empty: the number itself)", "")
+        known = ", ".join(f"{code} = {number}" for code, _, number in (one.partition("=") for one in codes.split()))
+        tail = f", decimals = {places}, places = {{ {known} }} }}" if known else tail
     if role == "reader":
         channels = _places(ask, "registers", "inlet=1 outlet=3")
         if channels:
