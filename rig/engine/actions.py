@@ -11,7 +11,7 @@ from typing import Any
 
 from rig.drivers.clock import Clock
 from rig.drivers.errors import BadReply, NoReply
-from rig.drivers.roles import Learning, Remarking, Restartable, SelfChecking, is_overload
+from rig.drivers.roles import Head, Learning, Remarking, Restartable, SelfChecking, is_overload
 from rig.engine.axes import Axes, AxisReading
 from rig.engine.fault_classes import NotHomed, NotSettled, OverloadedError, TemperaturesNotSettled
 from rig.engine.guard import Guard
@@ -19,9 +19,10 @@ from rig.engine.measuring import Observation, assemble, spans_of, standards
 from rig.engine.motion import Arrival, Leg, Move, arrived, delay_of_step
 from rig.engine.settling import Criteria, Settling
 from rig.instruments.opening import Bench
-from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.column_names import spelled, stem_of, unit_of
 from rig.procedures.plan.conduct import EnvironmentSettings
 from rig.procedures.plan.run_list import Factor, Settle
+from rig.procedures.present.durations import duration
 
 _HOMING_TIMEOUT_S = 900.0
 """A whole turn at a tenth of the usual homing speed, 4 degrees a second."""
@@ -85,6 +86,7 @@ class BenchActions:
         self.moves: dict[str, Move] = {}
         self.chambers_seen: dict[str, dict[str, Any]] = {}
         self.judges: dict[str, Settling] = {}
+        self._going: tuple[float, Leg] | None = None  # since when, and where to
         self._in_passing: dict[str, tuple[float, ...]] = {}
         self._standing: dict[str, tuple[float, float, float, int]] = {}
         self._stood: dict[str, tuple[float, float, float]] = {}
@@ -93,6 +95,33 @@ class BenchActions:
     def axis_names(self) -> Sequence[str]:
         """Axes that instruments move."""
         return tuple(self._axes.span())
+
+    def settling_now(self, seconds: float, most: int) -> dict[str, dict[str, object]]:
+        """What is waited for, by name, with the instrument that sets or reads it; see `Settling.lately`."""
+        return {
+            name: {"by": self._instrument_of(name), **one.lately(seconds, most)} for name, one in self.judges.items()
+        }
+
+    def moving_now(self) -> str:
+        """Which axes are on their way, where from and where to, and since when, in words; "" if none is."""
+        if self._going is None or self._axes_seen is None:
+            return ""
+        began, leg = self._going
+        told = []
+        for axis, target in leg.items():
+            reading, by = self._axes_seen[axis], self._instrument_of(axis)
+            name, unit = f"{axis} ({by})" if by not in ("", axis) else axis, spelled(unit_of(reading.quantity))
+            told.append(f"{name} at {reading.value:.6g} {unit}, on its way to {target:g}")
+        return f"{'; '.join(told)}, for {duration(self._clock.now() - began)}"
+
+    def _instrument_of(self, name: str) -> str:
+        """The instrument that sets or reads a quantity that settles."""
+        bench = self._bench
+        set_by = {stem_of(factor): by for factor, by in bench.config.setters.items()}
+        read_by = {column: reader for column, (reader, _) in bench.temperatures.items()}
+        own = {one: one for one in bench.instruments}
+        found = {**own, **{f"{one}_degC": one for one in own}, **read_by, **set_by}.get(name)
+        return found or next((one for one, instrument in bench.instruments.items() if isinstance(instrument, Head)), "")
 
     def rest(self, seconds: float) -> None:
         """Let this bench time pass."""
@@ -282,7 +311,11 @@ class BenchActions:
             began = self._clock.now()
             self._axes.go(leg)
             self._commanded.update(leg)
-            trail = self._until_still(poll_s, timeout_s, "moving")
+            self._going = began, leg
+            try:
+                trail = self._until_still(poll_s, timeout_s, "moving")
+            finally:
+                self._going = None
             arrived(leg, start, self.arrivals)
             for axis, target in leg.items():
                 if axis not in left and target != start[axis]:  # the first leg leaves the setting; others only arrive

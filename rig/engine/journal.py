@@ -11,7 +11,6 @@ from rig.engine.measuring import Observation
 from rig.engine.motion import Leg
 from rig.engine.pace import Pace
 from rig.engine.session import Progress, Session
-from rig.engine.settling import Settling
 from rig.engine.states import State
 from rig.engine.time_left import LAST_POINTS, LastPoints, by_hand_s, spent_s
 from rig.procedures.plan.run_list import Point
@@ -85,7 +84,8 @@ class Journal:
         message: the present activity, "" if the state says it.
         detail: present readings that belong to the message.
         asked: the step by hand that the run waits for, for the live state; None if there is none.
-        settling: returns the traces of quantities that are settling, by name.
+        moving: returns the axes that are on their way, in words.
+        settling: returns the quantities that are settling, by name: the last so many seconds, so many samples at most.
         told_s: clock time at which observers were told last.
 
     """
@@ -108,7 +108,8 @@ class Journal:
         self.message = ""
         self.detail = ""
         self.asked: Mapping[str, Any] | None = None
-        self.settling: Callable[[], Mapping[str, Settling]] = dict
+        self.settling: Callable[[float, int], Mapping[str, Any]] = lambda seconds, most: {}
+        self.moving: Callable[[], str] = str
         self._run = run
         self._clock = clock
         self._session = session
@@ -334,7 +335,7 @@ class Journal:
             "asked": self.asked,
             "state": p.state,
             "message": p.message,
-            "detail": p.detail,
+            "detail": p.detail or self.moving(),
             "done": p.done,
             "points": p.total,
             "elapsed_s": round(p.elapsed_s, 3),
@@ -343,7 +344,7 @@ class Journal:
             "point": None if self.at is None else self.at.point.index,
             "whole_plot": self.fold.planned,
             "whole_plots": self._whole_plots,
-            "settling": {name: judge.lately(_SHOWN_S, _SHOWN) for name, judge in self.settling().items()},
+            "settling": self.settling(_SHOWN_S, _SHOWN),
         }
 
 

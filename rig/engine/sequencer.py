@@ -116,7 +116,7 @@ class Sequencer:
         self._guard = Guard(config.limits, config.factors, config.interlocks, clock.now)
         self._do = BenchActions(bench, self._axes, self._guard, clock, self._wait)
         self._watched = bool(bench.chambers)
-        self._journal.settling = lambda: self._do.judges
+        self._journal.settling, self._journal.moving = self._do.settling_now, self._do.moving_now
         requests = Requests(run.path, session.number, clock.stopwatch)
         self._settings = SetByHand(bench, run_list, conduct)
         if state.planned is not None:

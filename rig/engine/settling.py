@@ -110,7 +110,9 @@ class Settling:
         return joint / spread if spread else 0.0
 
     def lately(self, seconds: float, most: int) -> dict[str, object]:
-        """The last `seconds`, for observers: criteria, outcome, and at most `most` samples as [seconds ago, value]."""
+        """The last `seconds`, for observers: criteria, outcome, seconds waited, at most `most` samples as [seconds ago,
+        value].
+        """
         newest = self._samples[-1][0] if self._samples else 0.0
         shown = [(t - newest, value) for t, value in self._samples if t >= newest - seconds]
         if len(shown) > most:
@@ -120,6 +122,7 @@ class Settling:
             "target": self.criteria.target,
             "band": self.criteria.band,
             "outcome": self.outcome,
+            "for_s": round(newest, 1),
             "samples": [[round(t, 1), value] for t, value in shown],
         }
 

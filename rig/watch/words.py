@@ -81,13 +81,16 @@ def number(value: object) -> float | None:
 
 
 def settling_now(live: Mapping[str, Any], factors: Sequence[Factor]) -> list[dict[str, Any]]:
-    """The quantity that is settling: name, unit, target, band, outcome, samples as [seconds ago, value]."""
+    """The quantities that are settling: name, unit, instrument (`by`), target, band, outcome, seconds waited (`for_s`),
+    samples as [seconds ago, value].
+    """
     given, found = live.get("settling"), []
     units = {f.axis: spelled(unit_of(f.name)) for f in factors}
     for name, one in given.items() if isinstance(given, Mapping) else ():
         try:
             samples = [[float(t), float(value)] for t, value in one["samples"]]
             shown = {"target": float(one["target"]), "band": float(one["band"]), "outcome": str(one["outcome"])}
+            shown |= {"by": str(one.get("by", "")), "for_s": number(one.get("for_s"))}
         except (KeyError, TypeError, ValueError):
             continue
         found.append(

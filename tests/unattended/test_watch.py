@@ -351,7 +351,7 @@ def test_a_running_controller_is_quoted_whatever_it_says(tmp_path):
     path = small_run(tmp_path)
     with RunWriter.open(path):
         samples = [[-1.0, 20.1], [0.0, 20.0001]]
-        pitch = {"target": 20.0, "band": 5e-4, "outcome": "waiting", "samples": samples}
+        pitch = {"by": "head", "target": 20.0, "band": 5e-4, "outcome": "waiting", "for_s": 90.0, "samples": samples}
         replace_json(
             live_path(path),
             {"state": "settling", "elapsed_s": 5.0, "remaining_s": 60.0, "utc_s": 1e9, "settling": {"pitch": pitch}},

@@ -28,6 +28,7 @@ from rig.run_file.state.elsewhere import goes_on_in
 from rig.run_file.verify.verification import CUT_SHORT, glance
 from rig.runs.accepted import Acceptance
 from rig.runs.plans import has_plan, stored_plan
+from rig.watch.words import settling_now
 
 if TYPE_CHECKING:
     from rig.run_file.chain import Record
@@ -101,6 +102,8 @@ class Status:
         yield from self._faults()
         if told["message"]:
             yield Line(f"  {escape(told['message'])}")
+        for one in told["settling"]:
+            yield Line(f"  settling: {escape(_settling(one))}")
         yield from self._way_forward(name)
 
     def _whole(self, name: str) -> Iterator[Block]:
@@ -162,6 +165,7 @@ def _status(run_file: Path) -> Status:
         other = goes_on_in(reader, state)
         said = read_live(run_file)
         running, live = said is not None, said or {}
+        settling = _settling_now(reader, live) if running else []
         broken = wrong is not None and wrong.where not in CUT_SHORT
         remaining_s = live.get("remaining_s") if running or broken else _left_when_resumed_s(reader, state, run_file)
     summary: dict[str, Any] = {
@@ -185,6 +189,7 @@ def _status(run_file: Path) -> Status:
         "safe": state.safe,
         "left_on": state.left_on,
         "message": f"{live.get('message', '')} {live.get('detail', '')}".strip() if running else "",
+        "settling": settling,
         "to_do": _to_do(live, run_file),
         "by_hand": [_done(event) for _, event in sorted(state.by_hand.items())],
         "warnings": warnings_in(run_file),
@@ -200,6 +205,21 @@ def _status(run_file: Path) -> Status:
     acceptance = Acceptance.of_run(run_file) if judged else Acceptance()
     summary["acceptance"] = acceptance.to_json()
     return Status(run_file, state, summary, acceptance, wrong, other)
+
+
+def _settling_now(reader: RunReader, live: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What the run waits for: name, unit, instrument, value, target, band, outcome, seconds waited."""
+    found = settling_now(live, reader.factors() if live.get("settling") else ())
+    last = [one.pop("samples")[-1:] for one in found]
+    return [{**one, "value": sample[0][1] if sample else None} for one, sample in zip(found, last, strict=True)]
+
+
+def _settling(one: Mapping[str, Any]) -> str:
+    """A quantity that settles, in a line."""
+    by = f" ({one['by']})" if one["by"] not in ("", one["name"]) else ""
+    now = "not read yet" if one["value"] is None else f"reads {one['value']:.6g}"
+    waited = "" if one["for_s"] is None else f", for {duration(one['for_s'])}"
+    return f"{one['name']}{by} {now}, {one['target']:g} within {one['band']:g} {one['unit']} is asked{waited}"
 
 
 def _to_do(live: Mapping[str, Any], run_file: Path) -> dict[str, Any] | None:

@@ -200,10 +200,12 @@ function showSettling(settling) {
     const inMinutes = one.samples.length > 0 && one.samples[0][0] < -180;
     const digits = Math.max(0, Math.min(7, 1 - Math.floor(Math.log10(one.band))));
     const now = last ? fixed(last[1], digits) : "\u2013";
-    const words = `${now} of ${fixed(one.target, digits)} \u00b1 ${one.band} ${unit}, ${one.outcome}`;
+    const waited = isNumber(one.for_s) ? ` for ${duration(one.for_s)}` : "";
+    const words = `${now} of ${fixed(one.target, digits)} \u00b1 ${one.band} ${unit}, ${one.outcome}${waited}`;
+    const by = one.by && one.by !== one.name ? ` (${one.by.replaceAll("_", " ")})` : "";
     return {
       key: one.name,
-      caption: caption(one.name.replaceAll("_", " "), words),
+      caption: caption(one.name.replaceAll("_", " ") + by, words),
       chart: {
         x: one.samples.map(([t]) => (inMinutes ? t / 60 : t)),
         series: [{ values: one.samples.map(([, v]) => v - one.target), style: "line", colour: 0 }],
