@@ -179,11 +179,13 @@ class Instrument(Strict):
                 yield f"reader.channels.{name}.reading", channel.reading
 
     @property
-    def beyond_ascii(self) -> bool:
-        """Whether it sends characters such as a degree sign, one byte each (Latin-1)."""
+    def encoding(self) -> Literal["ascii", "latin-1", "utf-8"]:
+        """How characters such as a degree sign are sent; Latin-1 has one byte for each."""
+        if self.wire.encoding is not None:
+            return self.wire.encoding
         every = [form for _, ask in self.asks() for form in ask.forms]
         every += [form for _, tell in self.tells() for form in tell.answer]
-        return not "".join((*every, *self.units, *self.words, *self.wire.reply)).isascii()
+        return "ascii" if "".join((*every, *self.units, *self.words, *self.wire.reply)).isascii() else "latin-1"
 
     def tells(self) -> Iterator[tuple[str, Tell]]:
         """All its commands, with their place in the file."""

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import reduce
 from operator import xor
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
@@ -68,6 +68,10 @@ class Checksum(Strict):
     reflect: bool = Field(False, description="of a crc: the lowest bit of each byte comes first, and of the result")
     xorout: int = Field(0, ge=0, le=0xFFFFFFFF, description="the result is exclusive-ored with this")
     modulo: int = Field(0, ge=0, le=0xFFFFFFFF, description="then the remainder by this is taken; 0: none")
+    never: tuple[Annotated[int, Field(ge=0, le=254)], ...] = Field(
+        (),
+        description="bytes that it does not have, since they end a line; each is increased by one: [0, 13]",
+    )
     plus: int = Field(0, ge=0, le=255, description="then this is added: 32 makes a printable character")
 
     @model_validator(mode="before")
@@ -105,7 +109,8 @@ class Checksum(Strict):
         """A checksum as it is written; bytes as characters of Latin-1."""
         if self.binary:
             order: Literal["big", "little"] = "big" if self.as_ == "binary" else "little"
-            return number.to_bytes(self.bits // 8, order).decode("latin-1")
+            data = number.to_bytes(self.bits // 8, order)
+            return bytes(byte + (byte in self.never) for byte in data).decode("latin-1")
         if self.as_ == "decimal":
             return str(number)
         digits = f"{number:0{self.bits // 4}X}"

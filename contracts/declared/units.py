@@ -18,7 +18,11 @@ ALIKE: Mapping[str, frozenset[str]] = {
 """Ways in which a unit is spelled."""
 
 
+_SIGNS = str.maketrans({"\u00b0": "deg", "\u00b5": "u", "\u03bc": "u", "\u03a9": "ohm", "\u2126": "ohm"})
+"""The degree sign, both characters that look like mu, and both that look like omega."""
+
+
 def same_unit(printed: str, declared: str) -> bool:
     """Whether a unit that an instrument prints is the declared one, as at the end of column names."""
-    plain = "_per_".join(part.strip() for part in printed.replace("\u00b0", "deg").split("/"))
+    plain = "_per_".join(part.strip() for part in printed.translate(_SIGNS).split("/"))
     return plain == declared or plain.upper() in ALIKE.get(declared, ())

@@ -31,6 +31,12 @@ class Wire(Strict):
         description='end of a line that is sent; "": frames end by themselves, as request and reply say',
     )
     reply_end: str = Field("", max_length=4, description="end of an answer; left out: as send_end, or its frame's")
+    encoding: Literal["latin-1", "utf-8"] | None = Field(
+        None, description="of characters beyond ASCII; left out: one byte each, Latin-1, if the file has any"
+    )
+    shared: bool = Field(
+        False, description="another instrument, or another quantity of this one in a file of its own, has its address"
+    )
     timeout_s: float = Field(2.0, ge=0.05, le=60, description="longest wait for an answer")
     pace_s: float = Field(0.0, ge=0, le=10, description="shortest time from one line to the next")
     clear: str = Field(

@@ -83,7 +83,7 @@ def driver_of(text: str) -> type[Declared]:
         "wire": "bridge" if table.bridge else "serial" if table.lines else table.wire.protocol,
         "coarse": table.coarse,
         "shares": table.bridge.startswith("secop:")
-        or bool(table.wire.preamble)
+        or bool(table.wire.preamble or table.wire.shared)
         or any(f"{{{name}" in table.wire.request for name in table.parameters),
         "supplied": {} if constant is None else {"time_constant_s": constant},
         "Options": options_of(table),

@@ -45,7 +45,7 @@ class LinesTalk(Talk):
         clock: Clock,
     ) -> None:
         wire, self._parameters = table.wire, parameters
-        self._shared = bool(wire.preamble) or any(hole in wire.request for hole in parameters)
+        self._shared = bool(wire.preamble or wire.shared) or any(hole in wire.request for hole in parameters)
         self.line: Line = self._opened(table, name, address, settings, wires)
         super().__init__(table, clock, self.line.where)
         self._frames = wire.frames(parameters)
@@ -69,7 +69,7 @@ class LinesTalk(Talk):
                 reply_end=(wire.reply_end or wire.send_end).encode("ascii")[-1:],
                 timeout_s=wire.timeout_s,
                 sync=None if self._shared or wire.echo or wire.request != "{line}" else sync_of(table),
-                encoding="latin-1" if wire.by_frame or table.beyond_ascii else "ascii",
+                encoding="latin-1" if wire.by_frame else table.encoding,
             ),
             name,
         )
@@ -91,7 +91,12 @@ class LinesTalk(Talk):
 
     def _framed(self, line: str, frame: Frame | None) -> str:
         frame = frame or (self._frames[0] if self._frames is not None else None)
-        return line if frame is None else frame.write(line)
+        return line if frame is None else frame.write(self._recoded(line, "utf-8", "latin-1"))
+
+    def _recoded(self, line: str, before: str, after: str) -> str:
+        """A line in a frame, whose bytes are characters of Latin-1, if the file says that it is UTF-8."""
+        by_bytes = self.table.wire.encoding == "utf-8" and self.table.wire.by_frame
+        return line.encode(before).decode(after) if by_bytes else line
 
     def _unframed(self, question: str, line: str) -> str:
         if self._frames is None:
@@ -102,7 +107,10 @@ class LinesTalk(Talk):
             raise self.line.bad_reply(question, line, f"an answer in the frame {frames}")
         if found[1]:
             raise self.line.bad_reply(question, line, f"the checksum {found[1]}")
-        return found[0]
+        try:
+            return self._recoded(found[0], "latin-1", "utf-8")
+        except UnicodeDecodeError:
+            raise self.line.bad_reply(question, line, "UTF-8, as its file says") from None
 
     def _whole(self, received: bytes, *, lines: int = 1) -> bool:
         """Whether an answer whose frame tells its end is complete."""

@@ -22,7 +22,7 @@ from rig.drivers.clock import Clock
 from rig.drivers.errors import BadReply, InstrumentError, NoReply, Unreachable
 from rig.drivers.wires.addresses import ModbusAddress
 from rig.drivers.wires.modbus_rtu import OutOfStep
-from rig.drivers.wires.modbus_transport import Transport
+from rig.drivers.wires.modbus_transport import Transport, as_ascii
 from rig.drivers.wires.modbus_wire import ClosedAfterAnswer, ModbusWire
 from rig.drivers.wires.serial_port import Tap
 
@@ -83,6 +83,7 @@ class ModbusLine:
         self._unit = place.unit
         self.rtu = place.rtu
         self._tap = tap
+        self._ascii = place.ascii
         self._timeout_s = timeout_s
         self._label = label or address
         self.where = f"{label} at {address}" if label else address
@@ -172,8 +173,8 @@ class ModbusLine:
         return ("closes the connection after each answer; every request has a connection of its own",)
 
     def _log(self, direction: str, data: bytes) -> None:
-        if self._tap:
-            self._tap(self._label, direction, data)
+        if self._tap:  # what is on the wire: the frames of ASCII are those of RTU above its transport
+            self._tap(self._label, direction, as_ascii(data) if self._ascii else data)
 
 
 def words_of_float(value: float, *, low_first: bool = True) -> list[int]:

@@ -138,8 +138,7 @@ class AsciiTransport:
 
     def send(self, data: bytes) -> None:
         """Send a frame."""
-        body = data[:-2]
-        self._wire.send(b":%s\r\n" % (body + bytes((-sum(body) & 0xFF,))).hex().upper().encode())
+        self._wire.send(as_ascii(data))
 
     def recv(self, seconds: float) -> bytes:
         """Whole frames, waiting at most this long for each piece of them; empty if nothing came."""
@@ -157,6 +156,14 @@ class AsciiTransport:
     def close(self) -> None:
         """Release the wire; idempotent."""
         self._wire.close()
+
+
+def as_ascii(data: bytes) -> bytes:
+    """A frame of RTU as Modbus ASCII has it; bytes that are no such frame as they are."""
+    body = data[:-2]
+    if len(data) < 4 or framed(body[0], body[1:]) != data:
+        return data
+    return b":%s\r\n" % (body + bytes((-sum(body) & 0xFF,))).hex().upper().encode()
 
 
 def _as_rtu(line: bytes) -> bytes:

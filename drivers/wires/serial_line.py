@@ -310,6 +310,8 @@ class SerialLine(PortOfLine):
         except UnicodeDecodeError:
             doubt = "do baud rate and frame match" if self.port_settings else "do the serial server's settings match"
             doubt = "" if self._place.messages else f"; {doubt} the instrument's?"
+            if _is_utf8(received):
+                doubt = '; it may be UTF-8: encoding = "utf-8" at [wire] of its file'
             raise self.bad_reply(text, received, f"text{doubt}") from None
         if len(lines) != count + 1 or lines[-1].strip():
             raise self.bad_reply(text, received, f"{count} line(s); `lines` says how many a question of a file has")
@@ -373,6 +375,15 @@ class SerialLine(PortOfLine):
             f"{self.where} answered {f'only {received!r}' if received else 'nothing'} to {text!r} "
             f"within {timeout_s:g} s; is it switched {state}?"
         )
+
+
+def _is_utf8(received: bytes) -> bool:
+    """Whether bytes beyond ASCII are characters of UTF-8; those of a wrong baud rate hardly ever are."""
+    try:
+        received.decode("utf-8")
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def _said(heard: bytes | bytearray) -> bytes | bytearray:

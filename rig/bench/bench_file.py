@@ -42,7 +42,8 @@ def check_options(config: BenchConfig, where: str, *, strict: bool = True) -> di
             raise ConfigurationError(f"{where}: instruments.{name}.address is missing: where is it connected?")
         elif strict and instrument.address in taken and not _may_share(cls):
             both = f"instruments.{taken[instrument.address]} and instruments.{name}"
-            raise ConfigurationError(f"{where}: {both} have one address, {instrument.address}: each needs its own")
+            own = ", or their files say shared = true at [wire]" if hasattr(cls, "shares") else ""
+            raise ConfigurationError(f"{where}: {both} have one address, {instrument.address}: each needs its own{own}")
         elif strict:  # otherwise the wires refuse it when they are opened: measured data can still be read
             _check_address(instrument.address, cls, f"{where}: instruments.{name}", simulated=config.simulated)
         taken[instrument.address] = name

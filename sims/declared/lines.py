@@ -156,6 +156,8 @@ class LinesTwin(Behaviour):
         line = self._unframed(text if self.table.wire.by_frame else text.strip(" \r\n"))
         if line is None:
             return
+        if self.table.encoding == "utf-8":
+            line = line.encode("latin-1").decode("utf-8", "replace")
         try:
             found = self._carried_out(line)
         except Refused:
@@ -174,7 +176,9 @@ class LinesTwin(Behaviour):
         if session == self._session:
             every = (answer if isinstance(answer, str) else answer()).split(" ", lines - 1)
             for one in (*every, *["-"] * (lines - len(every))):
-                tx(self._framed(one).encode("latin-1") + self._reply_end)
+                # of UTF-8 its bytes, over which a checksum is made
+                line = one.encode().decode("latin-1") if self.table.encoding == "utf-8" else one
+                tx(self._framed(line).encode("latin-1") + self._reply_end)
 
     def _unframed(self, text: str) -> str | None:
         """The line in its frame; None if it is for another instrument, or damaged."""

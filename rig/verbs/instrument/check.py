@@ -151,7 +151,8 @@ def check(
     table, steps, heard = parse(text), [], []
 
     def tap(_: str, direction: str, data: bytes) -> None:
-        shown = data.hex(" ") if table.modbus else as_frame(data) if table.can else repr(data)[2:-1]
+        binary = table.modbus and not data.startswith(b":")  # Modbus ASCII is text
+        shown = data.hex(" ") if binary else as_frame(data) if table.can else repr(data)[2:-1]
         heard.append(f"{'>' if direction == 'tx' else '<'} {shown}")
 
     wrong = list(replayed(table))
