@@ -169,9 +169,10 @@ def _summary(fit: LinearFit | SplitPlotFit, *, stated: bool) -> FitSummary:
 
 
 def _order_of(table: Table) -> Where:
-    """Place of a row in words: its order, if the table has one."""
+    """Place of a row in words: its order, if the table has one that its number in the file does not tell."""
     order = table.columns.get("order")
-    return lambda row: "" if order is None else f"order {order[row]:.0f}"
+    told = order is None or bool(np.ptp(order - table.numbers) == 0.0)
+    return lambda row: "" if told or order is None else f"order {order[row]:.0f}"
 
 
 def _of_rows(fit: LinearFit, model: Model) -> dict[str, Any]:

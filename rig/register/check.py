@@ -135,19 +135,19 @@ def check_validity(
     Raises:
         ConfigurationError: with a line for each.
     """
-    found, again = [], "the date is simulated: make the dry run again with this register"
+    found = []
     for asset in dict.fromkeys(entry.asset for _, entry in entries(config) if entry.asset in register.equipment):
         certificate = register.equipment[asset].certificate
         if certificate is None:
             continue
         key = f"{where}: equipment.{asset}.certificate"
         if certificate.due is not None and certificate.due < last:
-            found.append(
-                f"{key}.due = {certificate.due}, and the run ended on {last}: it had expired; "
-                + (again if simulated else "have it calibrated, or name the certificate that was valid")
-            )
+            do = "" if simulated else "; have it calibrated, or name the certificate that was valid"
+            found.append(f"{key}.due = {certificate.due}, and the run ended on {last}: it had expired{do}")
         if certificate.date > first:
-            do = again if simulated else "name the one valid then"
-            found.append(f"{key}.date = {certificate.date}, and the run began on {first}: {do}")
+            do = "" if simulated else ": name the one valid then"
+            found.append(f"{key}.date = {certificate.date}, and the run began on {first}{do}")
+    if found and simulated:
+        found.append("the date is simulated: make the dry run again with this register")
     if found:
         raise ConfigurationError("\n".join(found))

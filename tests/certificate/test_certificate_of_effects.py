@@ -131,6 +131,19 @@ def test_a_budget_tells_a_few_such_coefficients_one_by_one_and_many_in_a_line(de
     assert (told == few) if count == 3 else (len(told) == 1 and told[0].startswith(many))
 
 
+def test_more_than_error_without_a_cause_is_not_called_no_effect(declared):
+    """ "No effect was found" stood beside "left more than error": a reader saw a contradiction."""
+    one = declared.budgets[0]
+
+    def notes(*unnamed: bool) -> str:
+        outcomes = [SimpleNamespace(sensor=f"s{n}", named=(), unnamed=left) for n, left in enumerate(unnamed)]
+        return "; ".join(with_notes(one.of, Found(outcomes), one).notes)
+
+    assert "no effect was found" in notes(False)
+    assert "left more than error in s1 and found no cause" in notes(False, True)
+    assert "no effect was found" not in notes(False, True)
+
+
 def test_the_table_of_effects_has_sizes_in_the_outputs_unit_and_the_time_constant_with_its_interval(declared):
     """The world's creep has 240 s; this run's is one of the few of which the interval ends below it."""
     (effect,) = declared.document.effects

@@ -138,6 +138,17 @@ def test_a_certificate_has_to_be_valid_during_the_run(first, last, says):
         check_validity(register, config, "equipment.toml", first, last)
 
 
+def test_that_a_date_is_simulated_is_said_once_of_all_equipment():
+    """It stood behind every line."""
+    register, config = parse_register(GOOD, "equipment.toml"), parse_bench(BENCH, "bench.toml")
+    with pytest.raises(ConfigurationError) as found:
+        check_validity(register, config, "equipment.toml", date(2025, 1, 1), date(2031, 1, 1), simulated=True)
+    due, begun, why = str(found.value).splitlines()
+    assert due.endswith("the run ended on 2031-01-01: it had expired")
+    assert begun.endswith("the run began on 2025-01-01")
+    assert why == "the date is simulated: make the dry run again with this register"
+
+
 @pytest.mark.parametrize(
     ("of", "to", "number"),
     [

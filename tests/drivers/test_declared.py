@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from declared_bench import DeclaredBench
+from declared_bench import answers
 
 from rig.contracts.declared.forms import Form
 from rig.contracts.declared.instrument import parse
@@ -139,19 +139,6 @@ output = { ask = "MODE?", words = { CTRL = "on", MEAS = "off", VENT = "vent" } }
 settled = { ask = "STAT?", answer = "{value:d}", bit = 3 }
 dwell_s = 0
 """
-
-
-@pytest.fixture
-def bench():
-    made = []
-
-    def make(text: str, **how) -> DeclaredBench:
-        made.append(DeclaredBench(text, **how))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.close()
 
 
 class TestForms:
@@ -387,8 +374,7 @@ class TestScanner:
 
     def test_what_is_not_healthy_is_told(self, bench):
         it = bench(SCANNER)
-        before = it.twin._carried_out
-        it.twin._carried_out = lambda line: ("BLOWN", 0.0) if line == "FUSE?" else before(line)
+        answers(it, **{"FUSE?": "BLOWN"})
         with pytest.raises(InstrumentError, match="its fuse is blown"):
             it.it.wrong()
 
@@ -437,14 +423,12 @@ class TestStates:
         it = bench(BATH)
         it.it.prepare()
         it.it.set(20.0)
-        before = it.twin._carried_out
-        it.twin._carried_out = lambda line: (word, 0.0) if line == "in_mode_05" else before(line)
+        answers(it, in_mode_05=word)
         assert it.it.read().output
 
     def test_a_word_for_neither_is_refused(self, bench):
         it = bench(BATH)
-        before = it.twin._carried_out
-        it.twin._carried_out = lambda line: ("MAYBE", 0.0) if line == "in_mode_05" else before(line)
+        answers(it, in_mode_05="MAYBE")
         with pytest.raises(BadReply, match="answered 'MAYBE' to 'in_mode_05'"):
             it.it.read()
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import socketserver
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 
 import pytest
-from declared_bench import DeclaredBench
+from declared_bench import answers
+from fake_lines import served
 
 from rig.contracts.declared.forms import step_of
 from rig.contracts.declared.instrument import parse
@@ -32,30 +30,6 @@ safe_value = 20
 tolerance = 0.1
 dwell_s = 0
 """
-
-
-@pytest.fixture
-def bench():
-    made: list[DeclaredBench] = []
-
-    def make(text: str, **how) -> DeclaredBench:
-        made.append(DeclaredBench(text, **how))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.close()
-
-
-def answers(it: DeclaredBench, **said: str) -> None:
-    """The twin says this to lines that begin so."""
-    before = it.twin._carried_out
-
-    def carried_out(line: str):
-        found = next((text for begin, text in said.items() if line.startswith(begin)), None)
-        return (found, 0.0) if found is not None else before(line)
-
-    it.twin._carried_out = carried_out
 
 
 class TestSetpoints:
@@ -282,28 +256,18 @@ p18 = { is = "18" }
 """
 
 
-class _Switched(socketserver.BaseRequestHandler):
+def switched() -> AbstractContextManager[str]:
     """A bridge whose first reading after a change of channel is that of the channel before, in psi until told."""
+    said, state = {"16": 21.3, "18": 21.291}, ["16", 21.3, 0]
 
-    def handle(self) -> None:
-        said, last, value = {"16": 21.3, "18": 21.291}, "16", 21.3
-        for n, line in enumerate(self.request.makefile()):
-            channel = line.strip()[1:]
-            if channel in said:
-                old, last = value if channel != last else said[channel], channel
-                value = said[channel]
-                self.request.sendall(f"{old + 0.0005 * (n % 3):8.3f}C{channel}\n".encode())
-            elif line.strip() != "UNIT 4":
-                self.request.sendall({"I": "ACME C1\n", "UNIT?": "1\n"}[line.strip()].encode())
+    def answer(line: str) -> bytes | None:
+        channel, (last, value, n) = line.strip()[1:], state
+        if channel not in said:
+            return {"I": b"ACME C1\n", "UNIT?": b"1\n"}.get(line.strip())
+        state[:] = channel, said[channel], n + 1
+        return f"{(value if channel != last else said[channel]) + 0.0005 * (n % 3):8.3f}C{channel}\n".encode()
 
-
-@contextmanager
-def switched() -> Iterator[str]:
-    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), _Switched) as server:
-        server.daemon_threads = True
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"socket://127.0.0.1:{server.server_address[1]}"
-        server.shutdown()
+    return served(answer)
 
 
 class TestCheck:

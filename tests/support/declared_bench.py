@@ -77,3 +77,14 @@ class DeclaredBench:
     def close(self) -> None:
         self.bench.close()
         self.dry.close()
+
+
+def answers(it: DeclaredBench, **said: str) -> None:
+    """The twin says this to lines that begin so."""
+    before = it.twin._carried_out
+
+    def carried_out(line: str) -> Any:
+        found = next((text for begin, text in said.items() if line.startswith(begin)), None)
+        return (found, 0.0) if found is not None else before(line)
+
+    it.twin._carried_out = carried_out

@@ -130,14 +130,15 @@ def budget_with(of: OfRun, found: Found, asked: Mapping[str, Any], *, traced: bo
 def with_notes(of: OfRun, found: Found, made: RunBudget) -> RunBudget:
     """Budgets with sentences about the effects that were found."""
     run, names = shell_word(of.table.source), of.table.outputs
-    notes = [] if any(found.effects.values()) else [NOTHING]
+    nameless = [names.get(one.sensor, one.sensor) for one in found.outcomes if one.unnamed]
+    # beside "left more than error", "no effect was found" would contradict it
+    notes = [] if any(found.effects.values()) or nameless else [NOTHING]
     notes += [IGNORED.format(columns=", ".join(found.ignored))] if found.ignored else []
     notes += by_sensor(made.lacking, names)
     absorbed = [f"{name} {said}" for name, said in made.absorbed.items()]
     few = len(absorbed) <= MOST_ABSORBED
     notes += absorbed if few else [ABSORBED.format(names=", ".join(made.absorbed))]
     notes += [FOUND.format(run=run)] if any(made.lacks.values()) else []
-    nameless = [names.get(one.sensor, one.sensor) for one in found.outcomes if one.unnamed]
     notes += [NAMELESS.format(sensors=", ".join(nameless), run=run)] if nameless else []
     return replace(made, notes=(*notes, *made.notes))
 
