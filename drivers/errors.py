@@ -5,6 +5,8 @@ Every message says what happened, at which instrument and address, and what to d
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 
 class DriverError(Exception):
     """Base of all errors a driver raises on purpose."""
@@ -42,6 +44,21 @@ class InstrumentError(DriverError):
         super().__init__(f"{instrument} reports error {code}: {text}" if code else f"{instrument.rstrip(',')}: {text}")
         self.code = code
         self.text = text
+
+
+class ChannelsFailed(InstrumentError):
+    """Some channels of a reader have no reading, and others have.
+
+    Attributes:
+        failed: why, by channel.
+        readings: readings of the others, by channel.
+    """
+
+    def __init__(self, instrument: str, failed: Mapping[str, str], readings: Mapping[str, Sequence[float]]) -> None:
+        super().__init__(
+            instrument, 0, "; ".join(f"channel {name} has no reading: {why}" for name, why in failed.items())
+        )
+        self.failed, self.readings = failed, readings
 
 
 class LimitError(DriverError):

@@ -16,6 +16,7 @@ from pydantic import AfterValidator, Field
 
 from rig.contracts.declared.roles import Reader
 from rig.drivers.declared.reader import INPUT, DeclaredReader
+from rig.drivers.errors import DriverError
 from rig.drivers.numbers import whole
 from rig.drivers.scpi_described import Described, ask, tell
 from rig.drivers.scpi_options import Command, Question, ScpiOptions, filled
@@ -68,7 +69,7 @@ class DescribedMeter(DeclaredReader, Described):
     def _of_one_form(self, name: str, readings: Sequence[tuple[str, float]]) -> list[float]:
         return [value for _, value in readings] if self._options.digits else super()._of_one_form(name, readings)
 
-    def _sweep(self) -> dict[str, tuple[str, float]]:
+    def _sweep(self, failed: dict[str, DriverError]) -> dict[str, tuple[str, float]]:
         self._number()
         return {INPUT: self._readings(1, self._options.reading_s * 1.25 + self._options.timeout_s)[0]}
 

@@ -162,7 +162,7 @@ class Declared:
     def _unlike(self, checks: Sequence[Check]) -> tuple[str, ...]:
         return tuple(said for check in checks if (said := self._talk.right(check, check.is_)))
 
-    def settings(self) -> Sequence[Setting]:
+    def compared(self) -> Sequence[Setting]:
         """All settings of its file as they are, by questions alone: `check`, `healthy`, and registers that are written.
 
         Raises:

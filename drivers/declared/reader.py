@@ -9,7 +9,7 @@ from rig.contracts.declared.exchanges import Ask
 from rig.contracts.declared.roles import Channel, Reader
 from rig.drivers.declared.base import Declared
 from rig.drivers.declared.talk import Answer
-from rig.drivers.errors import BadReply, DriverError, LimitError, NotReady
+from rig.drivers.errors import BadReply, ChannelsFailed, DriverError, InstrumentError, LimitError, NotReady
 from rig.drivers.roles import OVERLOAD, is_overload
 from rig.drivers.scpi_learned import PrintedForm
 
@@ -89,6 +89,7 @@ class DeclaredReader(Declared):
 
         Raises:
             NotReady: nothing was started, or no reading became stable.
+            ChannelsFailed: some channels have no reading; it has those of the others.
             NoReply: the readings did not come; the measurement has been given up.
             InstrumentError: it reports an error; its readings are not used.
             BadReply: the wrong number of readings, or readings of another measurement.
@@ -96,13 +97,14 @@ class DeclaredReader(Declared):
         if not self._count:
             raise NotReady(f"{self._where}: there is nothing to fetch; start a measurement first")
         count, self._count = self._count, 0
+        failed: dict[str, DriverError] = {}
         try:
             if self._reader.start:
                 found = self._block(count)
             else:
                 found = {name: [] for name in self._channels}
                 for _ in range(count):
-                    for name, reading in self._sweep().items():
+                    for name, reading in self._sweep(failed).items():
                         found[name].append(reading)
         except DriverError:
             # errors are often the reason; one that has to be cleared does not answer before
@@ -113,9 +115,14 @@ class DeclaredReader(Declared):
             finally:
                 last()
             raise
-        if self.table.errors.each:
+        if failed:
+            self._talk.forget_errors()
+        elif self.table.errors.each:
             self._talk.raise_errors()
-        return {name: self._of_one_form(name, readings) for name, readings in found.items()}
+        read = {name: self._of_one_form(name, readings) for name, readings in found.items() if name not in failed}
+        if failed:
+            raise ChannelsFailed(self._where, {name: str(error) for name, error in failed.items()}, read)
+        return read
 
     def _of_one_form(self, name: str, readings: Sequence[tuple[str, float]]) -> list[float]:
         """Values of readings. Raises `BadReply` if one is printed in another form than all before."""
@@ -133,14 +140,36 @@ class DeclaredReader(Declared):
         for command in self._reader.number:
             self._talk.tell(command, {"mark": float(self._mark)}, checked=False)
 
-    def _sweep(self) -> dict[str, tuple[str, float]]:
-        """One reading of every channel."""
+    def _sweep(self, failed: dict[str, DriverError]) -> dict[str, tuple[str, float]]:
+        """One reading of every channel that has not `failed`; one that fails is put there, unless no other is left.
+
+        An answer that makes no sense is one of the wire, and fails the sweep.
+        """
         if not self._one_by_one:
-            assert self._reader.reading is not None
-            found = self._taken(self._reader.reading, {})
-            return {name: self._read(self._reader.reading, one, found) for name, one in self._channels.items()}
-        self._talk.sweep()
-        return {name: self._of_channel(name, one)[0] for name, one in self._channels.items()}
+            reading = self._reader.reading
+            assert reading is not None
+            taken = self._taken(reading, {})
+
+            def read(name: str, one: Channel) -> tuple[str, float]:
+                return self._read(reading, one, taken)
+
+        else:
+            self._talk.sweep()
+
+            def read(name: str, one: Channel) -> tuple[str, float]:
+                return self._of_channel(name, one)[0]
+
+        found = {}
+        for name, one in self._channels.items():
+            if name in failed:
+                continue
+            try:
+                found[name] = read(name, one)
+            except (InstrumentError, NotReady) as error:
+                failed[name] = error
+                if len(failed) == len(self._channels):
+                    raise
+        return found
 
     def _of_channel(self, name: str, one: Channel, count: int = 1) -> list[tuple[str, float]]:
         """Readings of one channel after choosing it."""

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from rig.fitter.effects.history import NOTHING, Laboratory
 from rig.fitter.errors import FitError
 from rig.fitter.formula import Formula
@@ -32,6 +34,7 @@ from rig.procedures.tables.unused import RECORDED
 
 _WHOLE_PLOT, _REPLICATE, _TIME, _BLOCK = "whole_plot", "replicate", "elapsed_s", "block"
 _FLAGS = {
+    "missing": "since a channel failed",
     "reference": "since the reference standard read something else than was set",
     "noisy": "as noisier than the procedure allows",
     "contradictory": "since its readings contradict one another",
@@ -95,9 +98,24 @@ def reader_of(table: Table) -> Reader:
         for name in needed:
             if name not in table.columns:
                 raise DataError(f"{table.source} has no column {name} (columns: {', '.join(table.columns)})")
-        return table
+        lacks = [name for name in needed if name in table.outputs and _without(table, name)]
+        return with_readings_of(table, lacks) if lacks else table
 
     return read
+
+
+def _without(table: Table, output: str) -> int:
+    """Number of rows without a reading of an output, whose channel failed there."""
+    return int(np.count_nonzero(~np.isfinite(table.columns[output])))
+
+
+def with_readings_of(table: Table, outputs: Sequence[str]) -> Table:
+    """The rows of a run that have readings of these outputs. Raises `DataError` if none has."""
+    kept = np.flatnonzero(np.all([np.isfinite(table.columns[name]) for name in outputs], axis=0))
+    if not kept.size:
+        raise DataError(f"{table.source}: no row has readings of {' and '.join(outputs)}")
+    columns = {name: values[kept] for name, values in table.columns.items()}
+    return replace(table, columns=columns, rows=tuple(table.numbers[kept].tolist()), within={})
 
 
 def declared_of(model: SensorModel, table: Table) -> Declared:
@@ -131,6 +149,9 @@ def notes_of(table: Table) -> tuple[str, ...]:
     told = []
     if _WHOLE_PLOT in table.columns and not has_whole_plots(table):
         told.append("every whole plot has one reading: its error is a part of that of the row, and was not separated")
+    lacks = {output: _without(table, output) for output in table.outputs if output in table.columns}
+    evaluated = f"of {len(table)} rows, and is evaluated without them"
+    told += [f"{one} has no reading in {n} {evaluated}" for one, n in lacks.items() if n]
     flags: Mapping[str, int] = table.provenance.get("flags", {})
     for flag, count in flags.items():
         rows = "1 row is" if count == 1 else f"{count} rows are"

@@ -123,6 +123,10 @@ class GeneralAcceptance(Acceptance):
 class GeneralFaults(FaultSettings):
     """Policies for faults: steps for each class of fault; see docs/how_to/policies.md."""
 
+    channel: Policy = Field(
+        ["retry 3", ABORT],
+        description="a channel of a reader fails, and its others read; accept: the output has no reading at the point",
+    )
     supply_failure: Policy = Field(["retry 8", ABORT], description="a source or pressure controller reports a fault")
     drive_fault: Policy = Field([RE_HOME, ABORT], description="a drive of a head complains or went off")
     not_homed: Policy = Field(["re-home 2", ABORT], description="an axis lost its zero, or did not find it")
@@ -142,6 +146,7 @@ class GeneralFaults(FaultSettings):
     special: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         {
             **FaultSettings.special,
+            "channel": (RETRY, ACCEPT, SKIP, HOLD, ABORT),
             "reference": (RETRY, ACCEPT, SKIP, HOLD, ABORT),
             "soak": (RETRY, HOLD, ABORT),
             "environment": (RETRY, HOLD, ABORT),
@@ -149,7 +154,7 @@ class GeneralFaults(FaultSettings):
         }
     )
     follows: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {**FaultSettings.follows, "supply_failure": "instrument_error", "drive_fault": "instrument_error"}
+        {**FaultSettings.follows, **dict.fromkeys(("channel", "supply_failure", "drive_fault"), "instrument_error")}
     )
 
     def for_run(self, *, whole_plots: bool) -> GeneralFaults:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rig.drivers.clock import Clock
-from rig.drivers.errors import BadReply, NoReply
+from rig.drivers.errors import BadReply, ChannelsFailed, NoReply
 from rig.drivers.roles import Head, Learning, Remarking, Restartable, SelfChecking, is_overload
 from rig.engine.axes import Axes, AxisReading
 from rig.engine.fault_classes import NotHomed, NotSettled, OverloadedError, TemperaturesNotSettled
@@ -452,18 +452,38 @@ class BenchActions:
             self._wait(min(poll_s, max(end - self._clock.now(), 1e-3)))
         self._wait(max(0.0, end - self._clock.now()))
         fetched, taken = {}, {}
+        bench = self._bench
+        missing: dict[str, str] = {}
         for name, reader in self._readers.items():
             before = self._clock.now()
-            fetched[name] = reader.fetch()
+            try:
+                fetched[name] = reader.fetch()
+            except ChannelsFailed as error:
+                fetched[name], without = error.readings, self._without(name, error)
+                missing |= without
             taken[name] = spans_of(reader, *started[name], before, self._clock.now())
         self._note(seen, references)
-        bench = self._bench
-        found = assemble(fetched, bench.sensors, bench.scales, bench.temperatures, seen)
+        read = {column: source for column, source in bench.sensors.items() if column not in missing}
+        found = assemble(fetched, read, bench.scales, bench.temperatures, seen)
         found.references |= standards(fetched, bench.references, bench.standards)
-        every = {**bench.sensors, **bench.temperatures, **bench.references}
+        found.missing = missing
+        every = {**read, **bench.temperatures, **bench.references}
         spans = {column: taken[name][channel] for column, (name, channel) in every.items()}
         found.taken_s = {column: (round(a - asked, 3), round(b - asked, 3)) for column, (a, b) in spans.items()}
         self._guard.check_temperatures({name: channel.mean for name, channel in found.temperatures.items()})
+        return found
+
+    def _without(self, name: str, error: ChannelsFailed) -> dict[str, str]:
+        """Outputs without a reading, since channels of a reader failed, and why. Raises the error if more lacks."""
+        bench = self._bench
+        needed = {*bench.temperatures.values(), *bench.references.values()}
+        found = {
+            column: error.failed[channel]
+            for column, (reader, channel) in bench.sensors.items()
+            if reader == name and channel in error.failed
+        }
+        if len(found) == len(bench.sensors) or needed & {(name, channel) for channel in error.failed}:
+            raise error
         return found
 
     def _note(self, seen: Mapping[str, list[float]], references: Sequence[Factor]) -> None:

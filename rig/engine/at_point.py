@@ -19,6 +19,7 @@ from rig.engine.by_hand.to_set import SetByHand
 from rig.engine.early_warning import EarlyWarnings
 from rig.engine.failure_counts import Policies
 from rig.engine.fault_classes import (
+    ChannelFailed,
     DoubtfulReadings,
     FrozenReading,
     NotSettled,
@@ -44,7 +45,7 @@ from rig.procedures.plan.conduct import Conduct
 from rig.procedures.plan.run_list import Point, RunList
 from rig.run_file.events.bench import Warned
 from rig.run_file.events.event import EMPTY
-from rig.run_file.events.points import ACCEPTED, CONTRADICTORY, REJECTED, Observed, readings_of
+from rig.run_file.events.points import ACCEPTED, CONTRADICTORY, MISSING, REJECTED, Observed, readings_of
 from rig.run_file.events.sessions import Held
 from rig.run_file.state.lost_digits import LostDigits, lost_digit
 from rig.run_file.state.own_scatter import KEPT, OwnScatter
@@ -221,6 +222,7 @@ class AtPoint:
         if overloaded:  # first: no mean or scatter of an overload is a number
             self._journal.write(Observed(verdict=REJECTED, **observation.as_json()))
             raise OverloadedError(f"{', '.join(overloaded)} out of range at point {at.point.index}")
+        self._check_channels(observation)
         self._check_alive(observation)
         self._check_references(observation)
         self._check_standards(observation)
@@ -258,6 +260,18 @@ class AtPoint:
             return "repeat"
         self._flag(flag, "noisy", TooNoisy(words))
         return "record"
+
+    def _check_channels(self, observation: Observation) -> None:
+        """Accept outputs without a reading, with a flag and the reason, or raise, as the policies say."""
+        at = self._at
+        if not observation.missing:
+            return
+        if not self._policies.accepts("channel", at.place):
+            told = "; ".join(f"{name}: {why}" for name, why in observation.missing.items())
+            error = ChannelFailed(f"no reading at point {at.point.index}", 0, told)
+            error.evidence = {"readings": observation.readings}
+            raise error
+        observation.flags.append(MISSING)
 
     def _check_alive(self, observation: Observation) -> None:
         """Detect a meter or sensor that hangs, or an old reply: the reading repeats to the last digit."""

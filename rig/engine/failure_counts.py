@@ -106,6 +106,8 @@ class Policies:
 
     def accepts(self, fault: str, place: str) -> bool:
         """Whether the next failure of this class here is accepted with a flag."""
+        if fault not in self._plans:
+            return False
         counts = self._failures.get("run" if fault == _OF_THE_RUN else place, {})
         return step_at(self._plans[fault], counts.get(fault, 0) + 1)[0] == ACCEPT
 

@@ -63,6 +63,12 @@ class NotAsDeclared(InstrumentError):
     evidence: Mapping[str, Any] = {}
 
 
+class ChannelFailed(InstrumentError):
+    """A channel of a reader has no reading, while others have. `evidence` holds those of the others."""
+
+    evidence: Mapping[str, Any] = {}
+
+
 class DriveFault(InstrumentError):
     """A drive reports a fault, or has lost control."""
 
@@ -102,6 +108,7 @@ _CLASSES: tuple[tuple[type[Exception], str], ...] = (
     (FrozenReading, "frozen"),
     (ReferenceDisagrees, "reference"),
     (TemperatureLeft, "temperature_left"),
+    (ChannelFailed, "channel"),
     (DriveFault, "drive_fault"),
     (SupplyFailure, "supply_failure"),
     (NotHomed, "not_homed"),

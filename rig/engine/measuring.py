@@ -56,6 +56,7 @@ class Observation:
         references: readbacks of the reference during the readings, by column name.
         taken_s: by column, when its readings began and ended, seconds after those of the point began.
         flags: remarks for readers of the data ("noisy", "contradictory").
+        missing: by output column without a reading, why.
 
     """
 
@@ -64,6 +65,7 @@ class Observation:
     references: dict[str, Channel] = field(default_factory=dict)
     taken_s: dict[str, tuple[float, float]] = field(default_factory=dict)
     flags: list[str] = field(default_factory=list)
+    missing: dict[str, str] = field(default_factory=dict)
 
     def overloaded(self) -> list[str]:
         """Names of the quantities that were out of range."""
@@ -100,6 +102,7 @@ class Observation:
             **({"references": {n: c.as_json() for n, c in self.references.items()}} if self.references else {}),
             "taken_s": self.taken_s,
             "flags": self.flags,
+            **({"missing": self.missing} if self.missing else {}),
         }
 
 

@@ -83,11 +83,11 @@ def test_a_register_that_preparing_writes_is_read():
     """
     it = DeclaredBench(text, protocol="modbus")
     try:
-        assert [(one.asked, one.found, one.declared, one.same) for one in it.it.settings()] == [
+        assert [(one.asked, one.found, one.declared, one.same) for one in it.it.compared()] == [
             ("register 15", "0", "3", False),
             ("register 9", "0", "1", False),
         ]
         it.it.prepare()
-        assert all(one.same for one in it.it.settings())
+        assert all(one.same for one in it.it.compared())
     finally:
         it.close()

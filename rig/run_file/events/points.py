@@ -18,6 +18,7 @@ from rig.run_file.bodies import (
     Spans,
     Table,
     Text,
+    Texts,
     Words,
 )
 from rig.run_file.events.event import DECISION, DETAIL, EMPTY, LOSS, ROUTINE, Event, Importance, Status
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 ACCEPTED, REJECTED = "accepted", "rejected"
 CONTRADICTORY = "contradictory"
+MISSING = "missing"
+"""Flag of an observation of which an output has no reading: see `Observed.missing`."""
 """Flag of an observation with readings that contradict one another, see `rig.run_file.state.own_scatter`."""
 OVERSHOT = "overshot"
 """Flag of an observation before which a setting had gone beyond a level that a standard reads; see `steered`."""
@@ -68,6 +71,7 @@ class Observed(Event, kind="observation", matters=DETAIL):
         temperatures: likewise.
         references: likewise, for the reference of the calibration.
         flags: remarks for readers of the data.
+        missing: outputs without a reading, since their channel failed, and why.
         rejected: readings of the same attempt that were too noisy, or contradicted one another.
         hole_s: length of the hole in time for which it was rejected, seconds.
         lost: reason for the loss of its whole plot, if it was rejected for that.
@@ -89,6 +93,7 @@ class Observed(Event, kind="observation", matters=DETAIL):
     references: Channels = EMPTY
     taken_s: Spans = EMPTY
     flags: Words = EMPTY
+    missing: Texts = EMPTY
     rejected: Sequence[Mapping[str, Any]] = EMPTY
     hole_s: Seconds | None = None
     lost: Text | None = None

@@ -308,7 +308,7 @@ def _steps(
 
         def settings() -> str:
             nonlocal doubt
-            every = driver.settings()
+            every = driver.compared()
             told = "; ".join(map(_said, every))
             wrong = [one for one in every if one.declared and not one.same]
             if wrong and setting:

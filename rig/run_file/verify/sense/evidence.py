@@ -19,7 +19,7 @@ from rig.run_file.events.bench import (
     Warned,
 )
 from rig.run_file.events.event import Event
-from rig.run_file.events.points import CONTRADICTORY, Observed, Skipped, WholePlotBegan, WholePlotLost
+from rig.run_file.events.points import CONTRADICTORY, MISSING, Observed, Skipped, WholePlotBegan, WholePlotLost
 from rig.run_file.events.sessions import SessionBegan
 from rig.run_file.state.state import RunState
 from rig.run_file.verify.sense.recorded_run import NOTED, RecordedRun
@@ -37,6 +37,7 @@ _CLASS_OF = {
     "frozen": "frozen",
     "temperature": "temperature_left",
     "reference": "reference",
+    MISSING: "channel",
 }
 """Flags, and the class of fault that the procedure accepts with each."""
 _OF_THE_RUN = "temperature_left"

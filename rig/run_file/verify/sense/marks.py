@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from rig.run_file.chain import Record
 from rig.run_file.events.bench import Fault, MadeSafe, Recovered
 from rig.run_file.events.event import Event
-from rig.run_file.events.points import CONTRADICTORY, OVERSHOT, Observed, Skipped, WholePlotLost
+from rig.run_file.events.points import CONTRADICTORY, MISSING, OVERSHOT, Observed, Skipped, WholePlotLost
 from rig.run_file.events.sessions import Ended, Hole, SessionBegan
 from rig.run_file.state.indexes import IndexCounts
 from rig.run_file.state.state import RunState
@@ -17,7 +17,7 @@ _AT_POINT = ("recovering", "moving", "settling", "measuring", "recording")
 """States in which a failure is counted at the current point."""
 _OF_THE_RUN = "temperature_left"
 """Class of fault that is counted over the whole session."""
-_FLAGS = {"noisy", "frozen", "temperature", "reference", CONTRADICTORY, OVERSHOT}
+_FLAGS = {"noisy", "frozen", "temperature", "reference", CONTRADICTORY, MISSING, OVERSHOT}
 _SKIP, _MEASURING, _OVERLOAD = "skip", "measuring", "overload"
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from rig.bench.scatter_limits import MostScatter, most_scatter, noisiest, without_limit
 from rig.run_file.chain import Record
 from rig.run_file.events.event import Event
-from rig.run_file.events.points import CONTRADICTORY, Observed, readings_of
+from rig.run_file.events.points import CONTRADICTORY, MISSING, Observed, readings_of
 from rig.run_file.state.lost_digits import LostDigits
 from rig.run_file.state.own_scatter import OwnScatter
 from rig.run_file.state.state import RunState
@@ -56,6 +56,8 @@ class Readings:
         """Defects of a record: ends of sentences that begin with the record's name."""
         if not isinstance(event, Observed) or event.overload is not None:
             return
+        if event.accepted and bool(event.missing) != (MISSING in event.flags):
+            yield "its mark and its readings differ about whether an output has none"
         yield from self._evidence(event.body(), "")
         for number, one in enumerate(event.rejected, 1):
             yield from self._evidence(one, f" of the readings rejected for noise ({number})")
@@ -69,8 +71,9 @@ class Readings:
     def _evidence(self, readings: Mapping[str, Any], where: str) -> Iterator[str]:
         for group in _GROUPS:
             channels: Mapping[str, Mapping[str, Any]] = readings.get(group, {})
-            if group in self._columns and channels.keys() != self._columns[group]:
-                odd = sorted(channels.keys() ^ self._columns[group])
+            without = set(readings.get("missing", ())) if group == "outputs" else set()
+            if group in self._columns and channels.keys() != self._columns[group] - without:
+                odd = sorted(channels.keys() ^ (self._columns[group] - without))
                 yield f"its {group}{where} are not those of the bench file: {', '.join(odd)}"
             if group == "references" and (missing := sorted(self._standards - channels.keys())):
                 yield f"its references{where} do not have that of {', '.join(missing)}, which the bench file has"
