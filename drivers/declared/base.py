@@ -192,7 +192,7 @@ class Declared:
             return Setting(check.said, declared=declared, why_not=str(error))
         return Setting(check.said, found.printed, declared, same=same)
 
-    def numbers(self) -> Sequence[str]:
+    def without_point(self) -> Sequence[str]:
         """Numbers without a decimal point that were read last, beside what they were taken for, in words."""
         told = []
         for place, ask in self.table.asks():

@@ -86,7 +86,7 @@ def test_a_register_may_have_a_code_for_decimals(code):
         it.it.prepare()
         it.it.set(25.0)
         assert it.it.read().setpoint == 25.0
-        assert it.it.numbers()[0] == "register 2: 250 is taken for 25, by its decimals"
+        assert it.it.without_point()[0] == "register 2: 250 is taken for 25, by its decimals"
         it.twin._places[9] = code
         assert it.it.read().setpoint == pytest.approx(250 / 10 ** (3 - code))
         it.twin._places[9] = 4

@@ -349,7 +349,7 @@ def _steps(
             return f"setpoint {found.setpoint:g}, reads {found.value:g} {driver.unit()}, {on}, {settled}{doubt}"
 
         yield Step("state"), state
-    if told := driver.numbers():
+    if told := driver.without_point():
         yield Step("numbers without a decimal point"), lambda: "; ".join(told)
     if isinstance(driver, Source) and setpoint is not None:
         took = Step(f"set {setpoint:g} {driver.unit()}")
