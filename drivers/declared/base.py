@@ -246,7 +246,8 @@ class Remembering(Declared):
 def _asks_for(check: Ask, command: Tell) -> bool:
     """Whether a question asks for what a command sets, by its register or its first word."""
     if command.register_ is not None or command.tell is None:
-        return (check.register_, check.table) == (command.register_, command.table)
+        groups = (("coil", "discrete"), ("holding", "input"))  # bits, and words, may be read by another function
+        return check.register_ == command.register_ and any({check.table, command.table} <= set(one) for one in groups)
     first = command.tell.replace("=", " ").split()[:1]
     return [part.strip(":").casefold() for part in first] == [(check.ask or "").strip(":?").casefold()]
 

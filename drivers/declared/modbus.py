@@ -10,7 +10,7 @@ from rig.contracts.declared.exchanges import Ask, Register, Tell
 from rig.contracts.declared.instrument import Instrument
 from rig.drivers.clock import Clock
 from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
-from rig.drivers.errors import BadReply, LimitError
+from rig.drivers.errors import BadReply, InstrumentError, LimitError
 from rig.drivers.wires import Wires
 
 _FORMATS = {"int16": ">h", "uint16": ">H", "int32": ">i", "uint32": ">I", "float32": ">f"}
@@ -71,8 +71,8 @@ class ModbusTalk(Talk):
         meaning = self.meant(ask, printed, number if finite else None)
         if math.isinf(number):
             meaning = meaning or "overload"  # IEEE 754 has it for what is beyond a range
-        elif not finite and not meaning:
-            raise self.bad(ask, printed, "a number")
+        elif not finite and not meaning:  # its checksum is right: no reading repeated would have a number
+            raise InstrumentError(f"{self.where}, asked {ask.said!r},", 0, "NaN, no number: has it no sensor there?")
         if ask.bit is not None or ask.type == "bit" or ask.table in ("coil", "discrete"):
             meaning = meaning or ("on" if int(number) >> (ask.bit or 0) & 1 else "off")
         value = ask.quantity(number) * self._places(ask)

@@ -100,9 +100,9 @@ class RegistersTwin(Behaviour):
         """The number of a register: of a setting what was written, otherwise what the instrument says."""
         key = "coil" if ask.table == "discrete" else ask.table, (ask.register_ or 0) - self.table.wire.first_register
         if place.startswith(("check", "mark")) and key in self._tells:
-            return self._kept.get(
-                key, float(ask.is_) + 1.0 if isinstance(ask, Check) and not isinstance(ask.is_, str) else 0.0
-            )
+            right = ask.is_ if isinstance(ask, Check) and not isinstance(ask.is_, str) else None
+            other = 0.0 if right is None else 1.0 - right if key[0] == "coil" else right + 1.0
+            return self._kept.get(key, other)
         said = self.answers(place, ask, {})
         words = {meaning: word for word, meaning in reversed({**self.table.words, **ask.words}.items())}
         if ask.bit is not None or ask.table in ("coil", "discrete") or ask.type == "bit":

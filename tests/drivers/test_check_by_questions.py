@@ -72,6 +72,7 @@ def test_a_register_that_preparing_writes_is_read():
     maker = "ACME"
     model = "C1"
     prepare = [{ register = 15, value = 3 }, { register = 9, table = "coil", value = 1 }]
+    check = [{ register = 9, table = "discrete", is = 1 }]
     [wire]
     protocol = "modbus"
     [identity]
@@ -84,8 +85,8 @@ def test_a_register_that_preparing_writes_is_read():
     it = DeclaredBench(text, protocol="modbus")
     try:
         assert [(one.asked, one.found, one.declared, one.same) for one in it.it.compared()] == [
-            ("register 15", "0", "3", False),
             ("register 9", "0", "1", False),
+            ("register 15", "0", "3", False),
         ]
         it.it.prepare()
         assert all(one.same for one in it.it.compared())

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from math import nan
 from pathlib import Path
 
 import general_lab as lab
 import pytest
 from command import rig
 from declared_bench import DeclaredBench, answers
+from fake_lines import served
 
 from rig.drivers.errors import BadReply, ChannelsFailed, InstrumentError
 from rig.engine.session import Outcome
@@ -17,6 +19,7 @@ from rig.run_file.events.bench import Fault
 from rig.run_file.events.points import Observed
 from rig.run_file.read.reader import RunReader
 from rig.sims.declared.lines import LinesTwin
+from rig.verbs.instrument.check import check
 
 SCANNER = """
 maker = "ACME"
@@ -69,6 +72,44 @@ class TestReader:
             scanner.it.fetch()
         assert {name: len(one) for name, one in found.value.readings.items()} == {"hot": 3}
         assert scanner.sent[1:] == ["PR1?", "PR2?", "PR1?", "PR1?"]  # it is not asked again for the others' readings
+
+    def test_a_check_shows_the_others(self) -> None:
+        said = {"ID?": b"ACME G2\n", "PR1?": b"0,+1.000000E-03\n", "PR2?": b"4,+0.000000E+00\n"}
+        with served(said.get) as address:
+            steps = {step.what: step for step in check(SCANNER, "g", address, {}, None, 1.0).steps}
+        found = steps["three readings of each channel"]
+        assert not found.ok
+        assert found.found.startswith("hot: 0.001, 0.001, 0.001 V; ")
+        assert found.found.endswith("it is off")
+
+    def test_a_register_without_a_number_is_its_channels_alone(self) -> None:
+        """NaN of one temperature took the pressures away."""
+        text = """
+        maker = "ACME"
+        model = "R1"
+        [wire]
+        protocol = "modbus"
+        type = "float32"
+        [identity]
+        register = 100
+        type = "uint16"
+        is = 7
+        [reader]
+        unit = "bar"
+        [reader.channels]
+        p = { reading = { register = 2 } }
+        t = { reading = { register = 4 } }
+        """
+        it = DeclaredBench(text, protocol="modbus")
+        try:
+            before = it.twin._shown
+            it.twin._shown = lambda place, ask: nan if ask.register_ == 4 else before(place, ask)
+            it.it.start(2)
+            with pytest.raises(ChannelsFailed, match=r"channel t has no reading: .* NaN, no number") as found:
+                it.it.fetch()
+            assert len(found.value.readings["p"]) == 2
+        finally:
+            it.close()
 
     def test_all_of_them_are_an_error_of_the_instrument(self, scanner: DeclaredBench) -> None:
         answers(scanner, PR="4,+0.000000E+00")

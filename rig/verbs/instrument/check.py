@@ -23,7 +23,7 @@ from rig.contracts.declared.replay import replayed
 from rig.drivers.clock import Clock, RealClock
 from rig.drivers.declared.base import Setting
 from rig.drivers.declared.reader import OneByOneReader
-from rig.drivers.errors import DriverError
+from rig.drivers.errors import ChannelsFailed, DriverError
 from rig.drivers.roles import Reader, Source, WithUnits
 from rig.drivers.wires import Wires
 from rig.errors import RigError
@@ -325,19 +325,10 @@ def _steps(
     if isinstance(driver, Reader) and starts and not setting:
         yield Step("readings"), lambda: f"none: reader.{starts[0]} is a command, and only questions are sent"
     elif isinstance(driver, Reader):
-
-        def readings() -> str:
-            driver.start(3)
-            units = driver.units() if isinstance(driver, WithUnits) else {}
-            return (
-                "; ".join(
-                    f"{name}: {', '.join(f'{value:g}' for value in values)} {units.get(name, '')}"
-                    for name, values in driver.fetch().items()
-                )
-                + doubt
-            )
-
-        yield Step("three readings of each channel" if len(driver.channels()) > 1 else "three readings"), readings
+        yield (
+            Step("three readings of each channel" if len(driver.channels()) > 1 else "three readings"),
+            (lambda: _readings(driver, doubt)),
+        )
         if isinstance(driver, OneByOneReader) and len(driver.channels()) > 1:
             yield Step("first reading after choosing"), lambda: _first(driver.twice_each(_ROUNDS, _CHANNELS))
     if isinstance(driver, Source):
@@ -357,6 +348,22 @@ def _steps(
         if took.ok:
             yield Step("settle"), lambda: _settled(driver, clock, wait_s)
         yield Step("safe state"), lambda: anything.make_safe() or state()
+
+
+def _readings(driver: Any, doubt: str) -> str:
+    """Three readings of each channel. Raises `RigError` if some have none."""
+    driver.start(3)
+    units, failed = driver.units() if isinstance(driver, WithUnits) else {}, ""
+    try:
+        found = driver.fetch()
+    except ChannelsFailed as error:
+        found, failed = error.readings, str(error)
+    told = "; ".join(
+        f"{name}: {', '.join(f'{value:g}' for value in values)} {units.get(name, '')}" for name, values in found.items()
+    )
+    if failed:
+        raise RigError(f"{told}{doubt}; {failed}")
+    return told + doubt
 
 
 def _said(one: Setting) -> str:
