@@ -133,6 +133,7 @@ class Declared:
         """
         each, done = self.table.errors.each, self.table.wire.done
         self._talk.renew()
+        self._talk.quiet = not self.table.prepare
         self._give_up()
         if each:
             self._talk.forget_errors()
@@ -140,6 +141,7 @@ class Declared:
             self._talk.tell(command, checked=each)
             if done is not None:  # so that none is sent while it is busy
                 self._talk.ask(done)
+        self._talk.quiet = True
         if not each:
             self._talk.raise_errors()
         for check in self.table.check:

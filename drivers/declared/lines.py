@@ -152,9 +152,9 @@ class LinesTalk(Talk):
     def _nothing_more(self, question: str, raw: str, lines: int = 1) -> None:
         """Raise `BadReply` if more comes after the first answer to a question: it would answer the next one.
 
-        IEEE 488.2 has one line for each; a stream sends whatever it likes.
+        IEEE 488.2 has one line for each; a stream, or an instrument that is not prepared, sends whatever it likes.
         """
-        if question in self._whole_once or self.table.scpi or self.table.wire.protocol == "stream":
+        if question in self._whole_once or not self.quiet or self.table.scpi or self.table.wire.protocol == "stream":
             return
         if more := self.line.beyond():
             count = lines + len(more.splitlines())

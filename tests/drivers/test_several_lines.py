@@ -121,6 +121,29 @@ def test_acknowledgements_and_errors_have_no_rest_either():
             it.close()
 
 
+def test_an_instrument_that_talks_until_it_is_prepared_is_identified():
+    """A flow controller streams from power-on, and its identity is asked before it can be told not to."""
+    streams = [True]
+
+    def answer(line: str) -> bytes | None:
+        streams[0] &= line != "STREAM OFF"
+        return {"ID?": b"ACME L1\n", "READ?": b"1.5\n"}.get(line)
+
+    text = 'prepare = ["STREAM OFF"]\n' + READER.replace("MORE", "")
+    with served(answer, later=lambda line: b"0.007\n" if streams[0] else None, after_s=0.03) as address:
+        it = opened(text, address)
+        assert it.identify().model == "L1"
+        it.prepare()
+        it.start(2)
+        assert it.fetch() == {"input": [1.5, 1.5]}
+        streams[0] = True
+        it.start(2)
+        it._talk._whole_once.clear()
+        with pytest.raises(BadReply, match="write lines = 2"):
+            it.fetch()
+        it.close()
+
+
 def test_a_question_is_watched_once():
     it = DeclaredBench(READER.replace("MORE", ""))
     try:
