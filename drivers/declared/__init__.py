@@ -65,8 +65,12 @@ def options_of(table: Instrument) -> type[Any]:
 
 
 @cache
-def driver_of(text: str) -> type[Declared]:
-    """The driver of an instrument's file. Raises `ValueError` with all that is wrong with the file."""
+def driver_of(text: str, *, own: bool = True) -> type[Declared]:
+    """The driver of an instrument's file, one of a user's `own` or one that is supplied.
+
+    Raises:
+        ValueError: with all that is wrong with the file.
+    """
     table = parse(text)
     bases: list[type[Declared]] = [Remembering] if table.remembers else []
     if table.reader is not None:
@@ -85,6 +89,7 @@ def driver_of(text: str) -> type[Declared]:
         "shares": table.bridge.startswith("secop:")
         or bool(table.wire.preamble or table.wire.shared)
         or any(f"{{{name}" in table.wire.request for name in table.parameters),
+        "own": own,
         "supplied": {} if constant is None else {"time_constant_s": constant},
         "Options": options_of(table),
     }

@@ -55,6 +55,8 @@ class Declared:
     shares: ClassVar[bool]
     coarse: ClassVar[bool]
     supplied: ClassVar[dict[str, Any]]
+    own: ClassVar[bool] = False
+    """Whether its file is a user's own, of which nobody else has seen how many lines an answer has."""
     speaks_unasked: ClassVar[bool] = True
     """Whether it may have said something on being switched on or connected, which is no answer."""
     contracts: ClassVar[tuple[ContractFile, ...]] = ()
@@ -70,6 +72,7 @@ class Declared:
         except ValueError as error:
             self._talk.close()
             raise Unreachable(f"{name}: {error}") from None
+        self._talk.watches = self.own
         self._where = self._talk.where
         self._prepared = False
         self._begin()

@@ -19,7 +19,7 @@ from rig.drivers.wires.serial_options import LineSettings
 
 
 class LinesTalk(Talk):
-    """What all instruments that take lines of text have: their line, its frames, and whose turn it is.
+    """Common part of instruments that take lines of text: the line, its frames, and whose turn it is.
 
     Args:
         table: its file.
@@ -153,8 +153,10 @@ class LinesTalk(Talk):
         """Raise `BadReply` if more comes after the first answer to a question: it would answer the next one.
 
         IEEE 488.2 has one line for each; a stream, or an instrument that is not prepared, sends whatever it likes.
+        Files that are supplied are not watched: it takes a moment of the first readings.
         """
-        if question in self._whole_once or not self.quiet or self.table.scpi or self.table.wire.protocol == "stream":
+        told = self.watches and self.quiet and not self.table.scpi and self.table.wire.protocol != "stream"
+        if not told or question in self._whole_once:
             return
         if more := self.line.beyond():
             count = lines + len(more.splitlines())

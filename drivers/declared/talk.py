@@ -50,6 +50,7 @@ class Talk(ABC):
     def __init__(self, table: Instrument, clock: Clock, where: str) -> None:
         self.table, self.clock, self.where = table, clock, where
         self.hooks: Mapping[str, Function] = {}
+        self.watches = False  # whether it is looked at what follows the first answer to a question
         self.quiet = not table.prepare  # it may talk by itself until it is prepared
         self.printed: dict[int, tuple[str, float]] = {}
         """Numbers as they were read last, and as quantities, by the identity of their question."""

@@ -56,7 +56,7 @@ class Line(Protocol):
         ...
 
     def beyond(self) -> str:
-        """What comes after a whole answer; "" if nothing does."""
+        """Lines that come after a whole answer; "" if none does."""
         ...
 
     def bad_reply(self, text: str, reply: object, expected: str) -> BadReply:

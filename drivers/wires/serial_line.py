@@ -157,7 +157,7 @@ class SerialLine(PortOfLine):
             raise self.bad_reply("nothing", bytes(line), "text; do baud rate and frame match") from None
 
     def beyond(self) -> str:
-        """What an instrument sends after a whole answer, within `quiet_s`; "" if it is silent. It would be
+        """Lines that an instrument sends after a whole answer, within `quiet_s`; "" for none. They would be
         the answer to the next question.
 
         Raises:

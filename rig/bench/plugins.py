@@ -68,7 +68,7 @@ def driver_class(name: str) -> DriverClass:
         from rig.drivers.declared import driver_of  # noqa: PLC0415 - few benches have one
 
         try:
-            return driver_of(text)
+            return driver_of(text, own="\n" in name)
         except ValueError as error:
             raise ConfigurationError(f"the instrument's file is wrong: {error}") from None
     if is_file(name):

@@ -97,7 +97,7 @@ class BenchActions:
         return tuple(self._axes.span())
 
     def settling_now(self, seconds: float, most: int) -> dict[str, dict[str, object]]:
-        """What is waited for, by name, with the instrument that sets or reads it; see `Settling.lately`."""
+        """The quantities that are waited for, by name, each with its instrument; see `Settling.lately`."""
         return {
             name: {"by": self._instrument_of(name), **one.lately(seconds, most)} for name, one in self.judges.items()
         }

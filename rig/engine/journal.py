@@ -85,7 +85,7 @@ class Journal:
         detail: present readings that belong to the message.
         asked: the step by hand that the run waits for, for the live state; None if there is none.
         moving: returns the axes that are on their way, in words.
-        settling: returns the quantities that are settling, by name: the last so many seconds, so many samples at most.
+        settling: returns the quantities that settle, by name, for some seconds, with at most a number of samples.
         told_s: clock time at which observers were told last.
 
     """

@@ -14,13 +14,15 @@ import json
 import os
 import secrets
 import stat
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rig.files.regular import real_path
 from rig.files.temporary import sweep, temporary_in
+from rig.procedures.column_names import spelled, unit_of
+from rig.procedures.plan.run_list import Factor
 from rig.procedures.present.shell import shell_word
 from rig.run_file.bodies import COUNT, NUMBER
 
@@ -123,6 +125,30 @@ def done_command(run: Path | str, value: str) -> str:
     It can be typed as it is, but for V.
     """
     return f"rig done {shell_word(run)}{' --value V' if value else ''}"
+
+
+def number(value: object) -> float | None:
+    """A finite number, or None."""
+    return float(value) if NUMBER.holds(value) else None  # type: ignore[arg-type]
+
+
+def settling_now(live: Mapping[str, Any], factors: Sequence[Factor]) -> list[dict[str, Any]]:
+    """The quantities that are settling: name, unit, instrument (`by`), target, band, outcome, seconds waited (`for_s`),
+    samples as [seconds ago, value].
+    """
+    given, found = live.get("settling"), []
+    units = {f.axis: spelled(unit_of(f.name)) for f in factors}
+    for name, one in given.items() if isinstance(given, Mapping) else ():
+        try:
+            samples = [[float(t), float(value)] for t, value in one["samples"]]
+            shown = {"target": float(one["target"]), "band": float(one["band"]), "outcome": str(one["outcome"])}
+            shown |= {"by": str(one.get("by", "")), "for_s": number(one.get("for_s"))}
+        except (KeyError, TypeError, ValueError):
+            continue
+        found.append(
+            {"name": str(name).removesuffix("_degC"), "unit": units.get(name, "degC"), **shown, "samples": samples}
+        )
+    return found
 
 
 class LiveState:

@@ -16,14 +16,14 @@ from rig.procedures.plan.expected import Previous
 from rig.procedures.plan.run_list import Factor
 from rig.procedures.present.as_json import finite
 from rig.run_file.chain import Record
-from rig.run_file.live import controller_alive, live_path, read_json
+from rig.run_file.live import controller_alive, live_path, number, read_json, settling_now
 from rig.run_file.state.documents import declared_model, kind_of_run, mounting_of
 from rig.run_file.state.state import RunState
 from rig.watch.lines import Lines
 from rig.watch.reading import BATCH, ShownObservation, WatchReader
 from rig.watch.residuals import residuals
 from rig.watch.sample import Sample
-from rig.watch.words import expected_end, number, settling_now, state_now
+from rig.watch.words import expected_end, state_now
 
 _LEAST_S = 0.5
 """Minimum seconds between two reads of a run file, however many pages are open."""

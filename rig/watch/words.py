@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rig.procedures.column_names import spelled, unit_of
-from rig.procedures.plan.run_list import Factor
 from rig.procedures.present.shell import shell_word
-from rig.run_file.bodies import NUMBER
-from rig.run_file.live import asked_by_hand, done_command
+from rig.run_file.live import asked_by_hand, done_command, number
 from rig.run_file.state.state import RunState
 
 _DOING = {
@@ -73,27 +70,3 @@ def expected_end(live: Mapping[str, Any]) -> float | None:
     """Expected end of the run by the bench's clock, seconds since 1970-01-01."""
     now, left = number(live.get("utc_s")), number(live.get("remaining_s"))
     return None if now is None or left is None else now + left
-
-
-def number(value: object) -> float | None:
-    """A finite number, or None."""
-    return float(value) if NUMBER.holds(value) else None  # type: ignore[arg-type]
-
-
-def settling_now(live: Mapping[str, Any], factors: Sequence[Factor]) -> list[dict[str, Any]]:
-    """The quantities that are settling: name, unit, instrument (`by`), target, band, outcome, seconds waited (`for_s`),
-    samples as [seconds ago, value].
-    """
-    given, found = live.get("settling"), []
-    units = {f.axis: spelled(unit_of(f.name)) for f in factors}
-    for name, one in given.items() if isinstance(given, Mapping) else ():
-        try:
-            samples = [[float(t), float(value)] for t, value in one["samples"]]
-            shown = {"target": float(one["target"]), "band": float(one["band"]), "outcome": str(one["outcome"])}
-            shown |= {"by": str(one.get("by", "")), "for_s": number(one.get("for_s"))}
-        except (KeyError, TypeError, ValueError):
-            continue
-        found.append(
-            {"name": str(name).removesuffix("_degC"), "unit": units.get(name, "degC"), **shown, "samples": samples}
-        )
-    return found

@@ -41,7 +41,7 @@ class Said(NamedTuple):
 
 
 def places_of(one: Register) -> tuple[int, int]:
-    """What it says of the decimals of its numbers, where it says that, and how many these are."""
+    """Its code for the decimals of its numbers, where it has one, and how many these are."""
     if one.decimals is None:
         return 0, 0
     code, places = max(one.places.items(), key=lambda known: known[1] == 1, default=("1", 1))

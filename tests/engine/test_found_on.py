@@ -73,7 +73,8 @@ def test_a_source_that_is_on_is_told_with_its_value_and_what_was_done(
         records = list(run.records())
     (event,) = [one.event for one in records if isinstance(one.event, AsFound)]
     assert event.outputs == [said]
-    assert next(line for line in heard if line.startswith("SP=")) == ("SP=0.250" if value == 0.25 else "SP=-5.000")
+    first = next(line for line in heard if line.startswith("SP="))
+    assert (first == "SP=0.250") == (value == 0.25)
     assert any(news.message == said for news in told)
     assert told[-1].message == ""
     page = Lines()

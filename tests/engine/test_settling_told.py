@@ -1,4 +1,4 @@
-"""What a run waits for: instrument, value, target, band, and for how long; in status, its JSON, and on the page."""
+"""Quantities that a run waits for: instrument, value, target, band, time; in status, its JSON, and on the page."""
 
 from __future__ import annotations
 

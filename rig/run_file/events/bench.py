@@ -38,7 +38,7 @@ class AsFound(Event, status="as-found", matters=ROUTINE):
 
     @property
     def outputs(self) -> Sequence[str]:
-        """What was on, with its value, and what became of it, in words."""
+        """Outputs that were on, with their values, and what became of them, in words."""
         chambers = [
             f"{name} was found on at {one['temperature_degC']:g} degC, with a setpoint of {one['setpoint_degC']:g}; "
             f"it was left so"
@@ -48,7 +48,7 @@ class AsFound(Event, status="as-found", matters=ROUTINE):
         return [*self.on, *chambers]
 
     def sentence(self, record: Columns) -> str:
-        """What was on, and who had restarted."""
+        """Outputs that were on, and who had restarted."""
         on = "".join(f"; {words}" for words in self.outputs)
         return f"the bench was read as found{on}{_restarted(self.restarted)}"
 

@@ -22,13 +22,12 @@ from rig.procedures.present.blocks import Block, Line, simulated_mark
 from rig.procedures.present.durations import duration
 from rig.procedures.present.shell import shell_word
 from rig.run_file.events.bench import Fault
-from rig.run_file.live import asked_by_hand, done_command, read_live, silent_s
+from rig.run_file.live import asked_by_hand, done_command, read_live, settling_now, silent_s
 from rig.run_file.read.safe_opening import sensible
 from rig.run_file.state.elsewhere import goes_on_in
 from rig.run_file.verify.verification import CUT_SHORT, glance
 from rig.runs.accepted import Acceptance
 from rig.runs.plans import has_plan, stored_plan
-from rig.watch.words import settling_now
 
 if TYPE_CHECKING:
     from rig.run_file.chain import Record
@@ -208,7 +207,7 @@ def _status(run_file: Path) -> Status:
 
 
 def _settling_now(reader: RunReader, live: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """What the run waits for: name, unit, instrument, value, target, band, outcome, seconds waited."""
+    """The quantities that the run waits for: name, unit, instrument, value, target, band, outcome, seconds waited."""
     found = settling_now(live, reader.factors() if live.get("settling") else ())
     last = [one.pop("samples")[-1:] for one in found]
     return [{**one, "value": sample[0][1] if sample else None} for one, sample in zip(found, last, strict=True)]
