@@ -204,7 +204,7 @@ class Declared:
             wanted = place.endswith(".reading") or place in ("source.setpoint", "source.read")
             printed, value = self._talk.printed.get(id(ask), (".", 0.0)) if wanted else (".", 0.0)
             plain = ask.decimals is None and ask.scale == 1.0
-            if "." in printed and plain:
+            if plain and set(printed) & set(".,"):
                 continue
             how = "by its decimals" if ask.decimals is not None else "by its scale"
             how = "since neither scale nor decimals is declared" if plain else how

@@ -155,7 +155,7 @@ class LinesTalk(Talk):
         IEEE 488.2 has one line for each; a stream, or an instrument that is not prepared, sends whatever it likes.
         Files that are supplied are not watched: it takes a moment of the first readings.
         """
-        told = self.watches and self.quiet and not self.table.scpi and self.table.wire.protocol != "stream"
+        told = self.quiet and not self.table.scpi and self.table.wire.protocol != "stream"
         if not told or question in self._whole_once:
             return
         if more := self.line.beyond():

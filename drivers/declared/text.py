@@ -77,7 +77,8 @@ class TextTalk(LinesTalk):
                     self.raise_errors(line)
             raise
         found = self.read(ask, raw, holes)
-        self._nothing_more(ask.said, raw, ask.lines)
+        if self.watches:
+            self._nothing_more(ask.said, raw, ask.lines)
         return found
 
     def _heard(self, wanted: Sequence[Form]) -> str:
@@ -164,8 +165,8 @@ class TextTalk(LinesTalk):
                 meaning = meaning or (self.meant(ask, text, number, holes) if words else "")
                 if ask.bit is not None:
                     meaning = "on" if int(number) >> ask.bit & 1 else "off"
-                value = self._quantity(ask, form, fields, number)
-                self.printed[id(ask)] = text.replace(",", "."), value
+                value = ask.quantity(number) if ask.decimals is None else self._quantity(ask, form, fields, number)
+                self.printed[id(ask)] = text, value
             elif name == "unit":
                 self._same_unit(ask, raw, text)
             elif name in holes:
@@ -196,7 +197,7 @@ class TextTalk(LinesTalk):
         except ValueError:
             raise self.bad(ask, found.fields[field], f"a number as {field}") from None
         value = self._quantity(ask, form, found.fields, number)
-        self.printed[id(ask)] = found.fields[field].replace(",", "."), value
+        self.printed[id(ask)] = found.fields[field], value
         return value
 
     def _quantity(self, ask: Ask, form: Form, fields: Mapping[str, str], number: float) -> float:
@@ -245,7 +246,8 @@ class TextTalk(LinesTalk):
             took = form.fields["value"].read(fields["value"], signed=tell.signed)
             if abs(took - sent) > step_of(fields["value"]) * 1.000001:  # it may print fewer digits than it was sent
                 raise self.line.bad_reply(line, raw, f"the value that it was told: it took {took:g} and not {sent:g}")
-        self._nothing_more(tell.said, raw)
+        if self.watches:
+            self._nothing_more(tell.said, raw)
 
     def raise_errors(self, line: str = "") -> None:
         """Ask for errors. Raises `InstrumentError` with the first; the others are in its text."""
@@ -258,7 +260,8 @@ class TextTalk(LinesTalk):
             fields = next((f for form in self._errors if (f := form.read(raw)) is not None), None)
             if fields is None:
                 raise self.line.bad_reply(errors.ask, raw, f"an answer as in {errors.answer[0]!r}")
-            self._nothing_more(errors.ask, raw)
+            if self.watches:
+                self._nothing_more(errors.ask, raw)
             code = fields.get("code", "")
             if errors.bits:
                 mask = int(code) if code.lstrip("+").isdecimal() else 0
