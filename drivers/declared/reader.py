@@ -169,6 +169,10 @@ class DeclaredReader(Declared):
                 failed[name] = error
                 if len(failed) == len(self._channels):
                     raise
+            except DriverError:
+                if failed:  # what failed first may be why
+                    raise next(iter(failed.values())) from None
+                raise
         return found
 
     def _of_channel(self, name: str, one: Channel, count: int = 1) -> list[tuple[str, float]]:
