@@ -39,6 +39,7 @@ class LinesTwin(Behaviour):
         self._send_end = ENDS.get(str(options.get("line_end", "")), wire.send_end.encode("ascii"))
         self._reply_end = (wire.reply_end or wire.send_end).encode("ascii")
         self._frames = wire.frames(self._parameters)
+        self._utf8 = self.table.encoding == "utf-8"
         every = [*(ask.frame for _, ask in self.table.asks()), *(tell.frame for _, tell in self.table.tells())]
         own = dict.fromkeys(template for template in every if template is not None)
         self._own_frames = {template: wire.framed(template, self._parameters) for template in own}
@@ -156,7 +157,7 @@ class LinesTwin(Behaviour):
         line = self._unframed(text if self.table.wire.by_frame else text.strip(" \r\n"))
         if line is None:
             return
-        if self.table.encoding == "utf-8":
+        if self._utf8:
             line = line.encode("latin-1").decode("utf-8", "replace")
         try:
             found = self._carried_out(line)
@@ -177,7 +178,7 @@ class LinesTwin(Behaviour):
             every = (answer if isinstance(answer, str) else answer()).split(" ", lines - 1)
             for one in (*every, *["-"] * (lines - len(every))):
                 # of UTF-8 its bytes, over which a checksum is made
-                line = one.encode().decode("latin-1") if self.table.encoding == "utf-8" else one
+                line = one.encode().decode("latin-1") if self._utf8 else one
                 tx(self._framed(line).encode("latin-1") + self._reply_end)
 
     def _unframed(self, text: str) -> str | None:
