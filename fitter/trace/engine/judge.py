@@ -9,7 +9,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from rig.fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Rival
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.family import CERTAIN, TableFamily, evidence, family_of, least_of
@@ -21,7 +21,7 @@ from rig.fitter.trace.engine.problem import Candidate, Problem
 from rig.fitter.trace.engine.rivalry import Rivalry, Trial, possible, possible_of
 from rig.fitter.trace.engine.rivals import rivals
 from rig.fitter.trace.engine.robust import isolated
-from rig.fitter.trace.engine.score import Scores, View, ranked, score, some_of
+from rig.fitter.trace.engine.score import Scores, View, ranked, score
 
 SHORTLIST = 8
 """Number of effects examined closely at each step, by their reduction of the residual."""
@@ -286,8 +286,7 @@ class TableJudge:
                 seed=1 + at,
                 without=without,
                 beside=beside,
-                # not of this judge: families outlive it, and its views are large
-                scatter=None if rival == "slow" else partial(some_of, self.problem, at, self._views.get(at)),
+                scatter=None if rival == "slow" else partial(_some_of, self.problem, at),
                 simulated=self._simulated,
                 sooner=self._many,
             )
@@ -415,3 +414,8 @@ class TableJudge:
             self._grid(())
             self._trials[key, j] = Trial(held, *self._models.with_one(key, j, held, self.held(key)))
         return self._trials[key, j]
+
+
+def _some_of(problem: Problem, at: int, terms: IntArray) -> View:
+    """Some candidates whitened anew: families outlive a judge, and its views are large."""
+    return View.of(problem.only(terms.tolist()), at)

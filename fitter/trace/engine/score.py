@@ -315,11 +315,6 @@ def in_turn(squares: FloatArray, across: FloatArray, first: IntArray, length: Fl
     return squares, kept, one, two, slope
 
 
-def some_of(problem: Problem, at: int, known: View | None, terms: IntArray) -> View:
-    """Some candidates alone, whitened by covariance `at`: of a view of all of them if there is one."""
-    return known.only(terms) if known else View.of(problem.only(terms.tolist()), at)
-
-
 def ranked(view: View, y: FloatArray, chosen: Sequence[int]) -> Scores:
     """Score all candidates beside the `chosen`, but for the scatter of single rows, which takes the most time."""
     taken = view.taken(chosen)
