@@ -209,8 +209,11 @@ def family_of(
     simulated = simulated or Simulated(problem)
     rng, count, n = np.random.default_rng(seed), _fewest(problem), problem.n
     near = _near(problem, at, without, rng)
-    once = sooner and np.array_equal(without, beside)  # it takes a tenth of a second in large tables
-    pair = near, near if once else _near(problem, at, beside, rng)
+    if sooner and np.array_equal(without, beside):  # the same ones again: a tenth of a second in large tables
+        rng.standard_normal((n, TRIED))  # as if they had been sought: p of a table is the same as before
+        pair = near, near
+    else:
+        pair = near, _near(problem, at, beside, rng)
     if not _large(problem, len(pair[1])):
         if not (width := simulated.width(at)):
             return TableFamily({}, np.ones(1), problem.sensors)

@@ -141,12 +141,13 @@ class TableJudge:
         at = self.beside((*chosen, j)).best
         return not self._possible(at, chosen, self._scores(at, chosen))[j]
 
-    def suspects(self, chosen: tuple[int, ...]) -> tuple[tuple[str, float], ...]:
-        """The effects nearest to significance beside those `chosen`, with their p, nearest first."""
-        tried = [(self.candidates[j].effect.name, self.adjusted(chosen, j)) for j in self.promising(chosen)]
+    def suspects(self, chosen: tuple[int, ...], most: float) -> tuple[tuple[str, float], ...]:
+        """The effects nearest to significance beside those `chosen`, with their p up to `most`, nearest first."""
         best: dict[str, float] = {}
-        for name, p in tried:
-            best[name] = min(p, best.get(name, 1.0))
+        for j in self.promising(chosen):
+            if self.adjusted(chosen, j, most) <= most:  # most are above it, which takes a part of the simulation
+                name = self.candidates[j].effect.name
+                best[name] = min(self.adjusted(chosen, j), best.get(name, 1.0))
         return tuple(sorted(best.items(), key=lambda item: item[1]))
 
     def beats_wander(self, chosen: tuple[int, ...], effect: str) -> float | None:

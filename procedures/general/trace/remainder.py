@@ -26,7 +26,8 @@ from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
 UNEXPLAINED = limit("unexplained", "general")
 """Probability below which there is a remainder, over all tested places."""
-SUSPECTS = 2
+SUSPECTS, MOST_OF_A_SUSPECT = 2, 0.5
+"""Most effects that are named as nearest to an explanation, and the largest p of one."""
 BINS, FEWEST_IN_BIN = 8, 4
 
 
@@ -105,7 +106,7 @@ def _slow(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[Smooth, ...]:
     still = float(beside.reml[noise.correlation == 0].max())
     if special.chdtrc(2, 2.0 * max(float(beside.reml[at]) - still, 0.0)) > UNEXPLAINED:
         return ()
-    names = [f"{name} (p {p:.2g})" for name, p in judge.suspects(chosen)[:SUSPECTS] if p < 0.5]
+    names = [f"{name} (p {p:.2g})" for name, p in judge.suspects(chosen, MOST_OF_A_SUSPECT)[:SUSPECTS]]
     near = f"; nearest to it come {' and '.join(names)}" if names else ""
     share = 1.0 - float(np.min(beside.sigma2 * np.exp(noise.log_det / judge.problem.n)) / beside.sigma2[0])
     where = f"along the rows, as a wander so slow that it may be noise or an effect in time{near}"
