@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 ACCEPTED, REJECTED = "accepted", "rejected"
 CONTRADICTORY = "contradictory"
+"""Flag of an observation with readings that contradict one another, see `rig.run_file.state.own_scatter`."""
 MISSING = "missing"
 """Flag of an observation of which an output has no reading: see `Observed.missing`."""
-"""Flag of an observation with readings that contradict one another, see `rig.run_file.state.own_scatter`."""
 OVERSHOT = "overshot"
 """Flag of an observation before which a setting had gone beyond a level that a standard reads; see `steered`."""
 DOUBTED = "doubted"
