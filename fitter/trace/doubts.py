@@ -86,11 +86,6 @@ def under_another_name(sensor: str, other: str) -> str:
     return f"these data cannot tell it from {other}, which is doubtful in {sensor}: it may be one cause of both"
 
 
-def beside(stronger: str) -> str:
-    """Sentence about a stronger effect of a similar shape."""
-    return f"it is small compared with {stronger}, and a small error in the law of {stronger} would look like this"
-
-
 def few_periods(count: float) -> str:
     """Sentence about an oscillation of which the data have few periods."""
     return f"the data have {count:.1f} of its periods: something that wanders slowly would look like this"

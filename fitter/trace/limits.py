@@ -70,18 +70,11 @@ TABLE = (
         "share of a column beside the declared model, below which it is part of that model",
     ),
     Limit(
-        "outlier",
-        (1e-3, 1e-3, None),
-        "1",
-        "probability, for normal errors, that a reading of a clean run is named as an outlier",
-        "attitude spoilt, whole-plots spoilt",
-    ),
-    Limit(
         "most outliers",
         (0.005, 0.03, None),
         "1",
-        "share of readings above which there are none: they are noise with long tails, or an effect. Readings that "
-        "stand alone are left out; in tables they stay, and count as three standard deviations",
+        "share of readings above which there are none: they are noise with long tails, or an effect. Readings of "
+        "attitude sensors that stand alone are left out; others stay, and count as three standard deviations",
         "attitude spoilt, whole-plots spoilt",
     ),
     Limit(

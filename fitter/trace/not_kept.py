@@ -63,14 +63,6 @@ def in_place_of(left_out: Iterable[NotKept], sensor: str | None = None) -> tuple
     )
 
 
-def left_to_whole_plots(effect: str) -> str:
-    """A sentence about an effect within whole plots that happens to raise the error between them."""
-    return (
-        f"{effect}: the errors after have only its part within whole plots; its part between them happens to raise the "
-        "error between whole plots, and is left to it"
-    )
-
-
 def for_others(effect: str) -> str:
     """A sentence about an effect of several sensors that does not reduce the error of one of them."""
     return f"{effect} is kept because other sensors show it; the error of this one is not smaller with it"

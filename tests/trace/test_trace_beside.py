@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy import special
 
-from rig.fitter.trace.engine.beside import Errors, White
+from rig.fitter.trace.engine.beside import Errors, View, White
+from rig.fitter.trace.engine.between import PRIOR, RHO, alike, p_among
 from rig.fitter.trace.engine.components import Components
-from rig.procedures.pressure.trace.between import PRIOR, RHO, alike, p_among
+from rig.fitter.trace.engine.noise import Independent
+from rig.fitter.trace.engine.robust import isolated
 
 GROUPS, ROWS = 12, 8
 N = GROUPS * ROWS
@@ -81,6 +83,30 @@ def test_a_common_candidate_is_fitted_to_all_sensors():
     assert white.coefficients((0,))[0].value == pytest.approx(
         White(white.errors[1:], white.declared, white.outputs[1:], white.columns[1:]).coefficients((0,))[0].value
     )
+
+
+def test_rows_without_groups_have_one_level():
+    """A table: its residual has the degrees of freedom of least squares, and a mean square of one."""
+    white, noise = run(), Independent(N)
+    view = View(White((Errors(noise, np.ones(N)),), white.declared, white.outputs, white.columns), None, (1,), None)
+    assert view.df == pytest.approx(N - 3.0)
+    assert np.sum(view.outputs**2) / view.df[0] == pytest.approx(1.0)
+    np.testing.assert_allclose(view.project(white.columns[0, :, [1]].T, 0), 0.0, atol=1e-9)
+
+
+def test_a_row_is_isolated_beside_its_group_and_not_beside_what_groups_differ_by():
+    """Groups differ by thirty times the rows' own error: beside that nothing was isolated."""
+    rng = np.random.default_rng(12)
+    y = rng.standard_normal(N) + 30.0 * rng.standard_normal(GROUPS)[GROUP]
+    basis = np.ones((N, 1)) / np.sqrt(N)
+    y[17] += 20.0
+    told = isolated(y, basis, ordered=False, step=0.0, near=lambda: None, group=GROUP, sd=np.ones(N))
+    assert np.flatnonzero(told).tolist() == [17]
+    assert told[17] == pytest.approx(17.0, abs=3.0)
+    assert not np.any(isolated(y, basis, ordered=False, step=0.0, near=lambda: None, group=None, sd=np.ones(N)))
+    y[::8] += 20.0
+    many = isolated(y, basis, ordered=False, step=0.0, near=lambda: None, group=GROUP, sd=np.ones(N))
+    assert not np.any(many), "one of eight in each group is an effect"
 
 
 def test_candidates_alone_are_their_coefficients():

@@ -17,13 +17,13 @@ def test_every_limit_stands_once_with_its_meaning():
 
 def test_kinds_read_their_column():
     """A name has to lead a shape without a name by odds of 20 to 1, but for whole plots."""
-    kinds = [module.UnmodelledSmooth.kind for module in (of_attitude, of_plots, of_tables)]
+    kinds = [one.kind for one in (of_attitude.UnmodelledSmooth, of_plots.InTransducer, of_tables.UnmodelledSmooth)]
     assert kinds == list(KINDS)
     assert [limit("lead of a name", kind) for kind in kinds] == [3.0, 1.0, 3.0]
 
 
 def test_a_limit_that_a_kind_does_not_have_is_an_error():
-    with pytest.raises(KeyError, match="no limit 'outlier' of general"):
-        limit("outlier", "general")
+    with pytest.raises(KeyError, match="no limit 'most outliers' of general"):
+        limit("most outliers", "general")
     with pytest.raises(KeyError, match="no limit 'size'"):
         limit("size", "general")

@@ -413,11 +413,9 @@ def test_what_no_effect_explains_is_shown_and_not_named():
     kink = data.outputs[ONE] + 0.015 * np.isclose(data.pressure_psia, 0.79, atol=0.01)
     one = trace_whole_plots(replace(data, outputs={ONE: kink}), validate=False).sensors[ONE]
     assert one.verdict in ("unexplained", "partly explained")
-    assert [rest.cause[:38] for rest in one.unnamed] == [
-        "within whole plots, over the pressure",
-        "within whole plots, most at 0.79 psia:",
-    ]
-    assert one.unnamed[1].share > 0.2
+    (rest,) = one.unnamed
+    assert rest.cause.startswith("within whole plots, over the pressure")
+    assert rest.share > 0.2
 
 
 def test_what_varies_smoothly_is_shown_with_its_variable():
@@ -449,7 +447,7 @@ def test_readings_that_stand_out_neither_hide_nor_make_an_effect():
     trace = trace_whole_plots(simulate(bench, seed=2), validate=False).sensors[ONE]
     assert [e.effect for e in trace.effects] == ["pressure-third-order", "outliers"]
     assert len(trace.effects[1].terms) == 4
-    assert any("left out of everything" in note for note in trace.notes)
+    assert any("count as three standard deviations" in note for note in trace.notes)
 
 
 @pytest.mark.parametrize("pressures", ["random", "ascending"])

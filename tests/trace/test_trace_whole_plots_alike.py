@@ -30,10 +30,12 @@ def test_steps_of_two_transducers_at_once_are_doubtful_whatever_steps(seed):
 
 
 def test_an_alias_that_is_doubtful_in_another_transducer_is_a_doubt():
-    names = {(0, "subplot"): ["saturation"], (1, "subplot"): ["pressure-third-order"], (2, "subplot"): ["creep"]}
-    unmodelled = SimpleNamespace(
-        problem=SimpleNamespace(sensors=("a_mV", "b_mV", "c_mV")), names_in=lambda k, level: names.get((k, level), [])
-    )
+    run = SimpleNamespace(sensors=("a_mV", "b_mV", "c_mV"))
+
+    def having(name):
+        return SimpleNamespace(run=run, names_at=lambda level: [name] if level == "subplot" else [])
+
+    unmodelled = [having(name) for name in ("saturation", "pressure-third-order", "creep")]
 
     def doubt(name, k):
         return "why" if (name, k) == ("saturation", 0) else None

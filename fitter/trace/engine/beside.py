@@ -18,6 +18,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.quantiles import t_limit
 from rig.fitter.trace.engine.components import Components
+from rig.fitter.trace.engine.noise import Noise
 from rig.fitter.trace.whitened import Whitened
 
 Level = Literal["subplot", "whole-plot"]
@@ -53,11 +54,11 @@ class Errors:
     """Errors of the rows of one sensor.
 
     Attributes:
-        noise: one covariance, of rows over `sd`.
+        noise: one covariance, of rows over `sd`; levels are those of its components of groups, if it has any.
         sd: (n,) of each row over the usual one.
     """
 
-    noise: Components
+    noise: Noise
     sd: FloatArray
 
     def white(self, columns: FloatArray) -> FloatArray:
@@ -67,11 +68,13 @@ class Errors:
     @property
     def slopes_differ(self) -> bool:
         """Whether groups have slopes of their own."""
-        return bool(self.noise.grid[0, 1] > 0.0)
+        return isinstance(self.noise, Components) and bool(self.noise.grid[0, 1] > 0.0)
 
     @cached_property
     def members(self) -> FloatArray:
         """(n, W) one where a row is of a group, else zero."""
+        if not isinstance(self.noise, Components):
+            return np.empty((len(self.sd), 0))
         group = self.noise.group
         return np.asarray(group[:, None] == np.arange(int(group.max()) + 1), np.float64)
 
@@ -88,7 +91,8 @@ class Errors:
     @cached_property
     def slopes(self) -> FloatArray:
         """(n, W) unit columns along the groups' slopes beside their offsets; zero where a group has none."""
-        own = self.white(self.members * self.noise.variable[:, None])
+        variable = self.noise.variable if isinstance(self.noise, Components) else self.sd
+        own = self.white(self.members * variable[:, None])
         own = own - self.offsets * np.sum(self.offsets * own, axis=0)
         length = np.linalg.norm(own, axis=0)
         return np.where(length > NOTHING_LEFT * np.max(length, initial=TINY), own / np.maximum(length, TINY), 0.0)

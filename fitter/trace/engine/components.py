@@ -71,6 +71,11 @@ class Components:
         return cls(group, _before(group, order), about / (size or 1.0), np.array(own), np.ones(len(group)))
 
     @property
+    def of_group(self) -> IntArray:
+        """(n,) group of each row."""
+        return self.group
+
+    @property
     def prior(self) -> FloatArray:
         """See `Noise`."""
         return np.ones(len(self.grid))

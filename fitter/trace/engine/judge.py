@@ -265,7 +265,7 @@ class TableJudge:
         """(n,) reduction of isolated outliers beside those of a `key`."""
         if key not in self._off:
             (view, some), own = self._of_some(0, key), self.problem
-            off = isolated(view.y, view.taken(some), ordered=own.ordered, step=own.step, near=lambda: own.near)
+            off = isolated(view.y, view.taken(some), own.ordered, own.step, lambda: own.near, own.group, own.sd)
             self._off[key] = off * own.sd
         return self._off[key]
 

@@ -98,6 +98,12 @@ class Problem:
         return np.asarray(resolution(self.y) / self.sd)
 
     @property
+    def group(self) -> IntArray | None:
+        """(n,) group of each row, beside whose others it may be isolated; None without components of groups."""
+        found: IntArray | None = getattr(self.noise, "of_group", None)
+        return found
+
+    @property
     def near(self) -> IntArray | None:
         """(n, NEAR) rows with about the same quantities as each; None where there are too few rows, or none."""
         return None if self.quantities is None or self.n < FEWEST_FOR_NEAR else self.quantities.near

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.resolution import least_robust_sd, robust_sd
+from rig.fitter.trace.limits import limit
 
 ALONE = 4.5
 """Robust standard deviations from which a reading counts as isolated."""
@@ -20,6 +21,10 @@ NEIGHBOURS = 3
 """Number of neighbours on either side for the running median from which a reading of an ordered table must also
 deviate.
 """
+INSIDE, MOST = limit("inner residuals", "whole-plot"), limit("most outliers", "whole-plot")
+"""Share of residuals for the scale of rows in groups, and of isolated ones beyond which there are none: they are noise
+with long tails, or an effect.
+"""
 FEWEST = 15
 AGAIN, SAME = 6, 0.02
 """Fits of a model to rows that are reduced beside the last fit, and the relative change that is none."""
@@ -28,23 +33,40 @@ AGAIN, SAME = 6, 0.02
 def isolated(
     y: FloatArray,
     basis: FloatArray,
-    *,
     ordered: bool,
     step: FloatArray | float,
     near: Callable[[], IntArray | None],
+    group: IntArray | None,
+    sd: FloatArray,
 ) -> FloatArray:
     """(n,) reduction of isolated outliers of a response (n,) beside the orthonormal columns (n, k) of a model.
 
     Least squares turn towards a gross error, and what it pulls aside looks isolated, or hides it: the model is fitted
-    again to the reduced response. Arguments as for `excess`.
+    again to the reduced response. Arguments as for `excess`; where rows of a `group` (n,) have an error in common, a
+    row is isolated beside the median of its group; `sd` (n,) is what each row was divided by.
     """
     off = np.zeros_like(y)
     for _ in range(AGAIN):
         before, left = off, y - basis @ (basis.T @ (y - off))
-        off = excess(left, ordered=ordered, step=step, near=near)
+        off = (
+            excess(left, ordered=ordered, step=step, near=near) if group is None else _in_groups(left, step, group, sd)
+        )
         if np.allclose(off, before, rtol=SAME, atol=0.0):
             break
     return off
+
+
+def _in_groups(left: FloatArray, step: FloatArray | float, group: IntArray, sd: FloatArray) -> FloatArray:
+    """(n,) reduction of isolated residuals beside the others of their group; of more than a few, none.
+
+    On the scale of a quantile of all: an effect that the model lacks is larger in some rows of each group.
+    """
+    whole = left * sd
+    left = left - np.array([np.median(whole[group == k]) for k in range(int(group.max()) + 1)])[group] / sd
+    usual = robust_sd(left, step, INSIDE)
+    held = np.clip(left, -HELD * usual, HELD * usual)
+    off = np.where(np.abs(left) > _limit(len(left)) * usual, left - held, 0.0)
+    return off if np.count_nonzero(off) <= max(MOST * len(left), 1.0) else np.zeros_like(left)
 
 
 def excess(

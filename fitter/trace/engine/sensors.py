@@ -38,6 +38,15 @@ class Stacked:
         ends = np.cumsum([0, *self.rows_of]).tolist()
         return [slice(one, other) for one, other in pairwise(ends)]
 
+    @cached_property
+    def of_group(self) -> IntArray | None:
+        """(n,) group of each row of each sensor; None where the parts have none."""
+        each = [one.group for one in self.parts if isinstance(one, Components)]
+        if len(each) < len(self.parts):
+            return None
+        first = np.cumsum([0, *(int(one.max()) + 1 for one in each[:-1])])
+        return np.concatenate([one + more for one, more in zip(each, first, strict=True)])
+
     @property
     def prior(self) -> FloatArray:
         """See `Noise`."""

@@ -14,7 +14,7 @@ from rig.fitter.resolution import resolution, robust_sd
 from rig.fitter.trace.limits import limit
 from rig.procedures.attitude.data import AttitudeData
 
-BY_CHANCE = limit("outlier", "pitch-roll")
+BY_CHANCE = 1e-3
 """Probability that a reading of a clean run is named, for normal deviations; from a median of six they are a little
 larger, and one run of a hundred has one.
 """

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rig.fitter.trace.constant import changing
 from rig.fitter.trace.doubts import not_sudden
 from rig.fitter.trace.search import led_by_history
-from rig.procedures.general.trace.constant import Constant
+from rig.procedures.general.trace.constant import constant_of
 from rig.procedures.general.trace.few_rows import resting
 from rig.procedures.general.trace.laws import other_laws
 from rig.procedures.general.trace.sudden import not_sudden as lasting
@@ -17,7 +17,7 @@ def doubts_of(unmodelled: UnmodelledSmooth) -> dict[str, str]:
     name; last names that are one whose coefficient changes, coefficients that are no constants, steps that last, and
     curves that may be others.
     """
-    led, constant = led_by_history(unmodelled.judge, unmodelled.chosen, unmodelled.judge.lead), Constant(unmodelled)
+    led, constant = led_by_history(unmodelled.judge, unmodelled.chosen, unmodelled.judge.lead), constant_of(unmodelled)
     return {
         **other_laws(unmodelled),
         **constant.exchanged,

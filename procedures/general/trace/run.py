@@ -15,6 +15,7 @@ from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.both import Both
 from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.judge import TableJudge
+from rig.fitter.trace.engine.left import left_of
 from rig.fitter.trace.engine.likelihood import Grid
 from rig.fitter.trace.engine.noise import Independent, Noise, Wandering
 from rig.fitter.trace.engine.problem import Problem, Quantities
@@ -232,7 +233,7 @@ def _simplest_orders(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[int, .
 def _growth(
     judge: TableJudge, chosen: tuple[int, ...], data: TableData, rows: IntArray | None
 ) -> Growth | OfLevels | None:
-    left, kept, fitted = _left(judge, chosen)
+    left, kept, fitted = left_of(judge, chosen)
     return growth_of(left, kept, _drivers(data, fitted, rows), _groups(data, rows), data.sensors)
 
 
@@ -242,7 +243,7 @@ def _sd(
     """(n,) standard deviation of each row."""
     if isinstance(growth, OfLevels):
         return growth.sd(_groups(data, rows)[growth.driver])
-    return growth.sd(_drivers(data, _left(judge, chosen)[2], rows)[growth.driver])
+    return growth.sd(_drivers(data, left_of(judge, chosen)[2], rows)[growth.driver])
 
 
 def _drivers(data: TableData, fitted: FloatArray, rows: IntArray | None) -> dict[str, FloatArray]:
@@ -262,16 +263,6 @@ def _groups(data: TableData, rows: IntArray | None) -> dict[str, IntArray]:
     if data.shared is not None:
         every[data.shares] = data.shared
     return every if rows is None else {name: level[rows] for name, level in every.items()}
-
-
-def _left(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(n,) residuals without common errors of rows, share of variance in each, and the fitted response."""
-    problem, at = judge.problem, judge.beside(chosen).best
-    taken, white = judge.taken(at, chosen), judge.white(at, chosen)
-    left = (white - taken @ (taken.T @ white)) * problem.sd
-    basis = orthonormal(problem.model(chosen) / problem.sd[:, None])
-    scaled = problem.y / problem.sd
-    return left, 1.0 - np.sum(taken**2, axis=1), (basis @ (basis.T @ scaled)) * problem.sd
 
 
 def _noise(data: TableData) -> Noise:

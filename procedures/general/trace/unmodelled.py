@@ -4,29 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from itertools import combinations
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.resolution import least_sd, resolution
 from rig.fitter.trace.aliases import DELTA
-from rig.fitter.trace.doubts import BUNDLE, CHANGES, DOUBT, PERIODS, few_periods, no_better, something_left
+from rig.fitter.trace.doubts import CHANGES, DOUBT, PERIODS, few_periods, no_better, something_left
 from rig.fitter.trace.engine.both import Both
-from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.likelihood import Grid
 from rig.fitter.trace.engine.noise import Noise, Wandering
-from rig.fitter.trace.engine.problem import Candidate
+from rig.fitter.trace.engine.unmodelled import InSensor
 from rig.fitter.trace.fine_periods import fine_period
-from rig.fitter.trace.flexible import Block, Remainder, evidence, evidence_of, remainders, turns
+from rig.fitter.trace.flexible import Block, Remainder, turns
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.lines import Line, folded, line
 from rig.fitter.trace.places import Place
 from rig.fitter.trace.repeats import HARMONICS, ORDERS, repeats
-from rig.fitter.trace.shape import Name
 from rig.fitter.trace.two_levels import TwoLevels, two_levels
-from rig.fitter.trace.unmodelled import Group, Phase, ResidualShape, Seen, Unmodelled, nameless
+from rig.fitter.trace.unmodelled import Group, Phase, ResidualShape
 from rig.procedures.general.effects.scene import at_levels
 from rig.procedures.general.trace.places import PER_COLUMN, axes_over, places_of
 from rig.procedures.general.trace.run import TableData, times_of
@@ -37,8 +35,6 @@ ALIKE = 2.0
 EARNED = limit("lead of a name", "general")
 RARE = ("fourth-order", "fifth-order", "logarithm", "reciprocal", "square-root", "ageing", "drift-second-order")
 """Kinds that need the same lead as kinds with a searched constant, because many functions are similar to them."""
-NEAR = 0.05
-"""Share by which a frequency may differ from twice or three times another one, as its harmonic."""
 COARSE = 0.5
 """Error of rounding over that of a row from which fine periods over settings are those of the rounding."""
 JUMPS = 7.0
@@ -46,27 +42,18 @@ JUMPS = 7.0
 
 
 @dataclass(frozen=True, eq=False)
-class UnmodelledSmooth(Unmodelled):
+class UnmodelledSmooth(InSensor):
     """A table with its findings.
 
     Attributes:
-        judge: the judge at the end of the search.
-        chosen: candidates in the model.
         data: the table.
 
     """
 
-    judge: TableJudge
-    chosen: tuple[int, ...]
     data: TableData
 
     kind = "general"
     unit = ""
-
-    @property
-    def candidates(self) -> tuple[Candidate, ...]:
-        """All candidates."""
-        return self.judge.candidates
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
@@ -83,51 +70,6 @@ class UnmodelledSmooth(Unmodelled):
                     block = Block(f"over {effect.columns[0]} at {name} the period found", own, (2,), np.full(2, k))
                     axes = axes_over(self.data.scene, *effect.columns)
                     yield Place.of(block, axes, variables=frozenset(effect.columns))
-
-    @cached_property
-    def able(self) -> bool:
-        """Whether the residual is more than rounding."""
-        view = self.judge.view(0)
-        left = self.left_under(0)
-        return float(left @ left) > view.rounding
-
-    @cached_property
-    def at(self) -> tuple[int, int]:
-        """The likeliest covariance, and the slowest that is plausible."""
-        beside = self.judge.beside(self.chosen)
-        return beside.best, beside.slowest_of(np.ones(len(beside.reml), np.bool_))
-
-    def without(self, names: tuple[str, ...]) -> UnmodelledSmooth:
-        """See `Unmodelled`."""
-        return replace(self, chosen=self._without(names))
-
-    def seen(self, place: Place, i: int) -> Seen:
-        """See `Unmodelled`."""
-        return self._seen(self.at[0])
-
-    def _seen(self, at: int) -> Seen:
-        df = self.judge.problem.n - self.judge.view(at).taken(self.chosen).shape[1]
-        return Seen(self.left_under(at), df, partial(self.leave, at=at))
-
-    def plain(self, place: Place, i: int) -> tuple[FloatArray, FloatArray]:
-        """See `Unmodelled`: of independent rows."""
-        sd = self.judge.problem.sd
-        return self.left_under(0) * sd, self.leave(place.columns(), 0) * sd[:, None]
-
-    def held_against(self, place: Place, i: int, one: Remainder) -> float:
-        """See `Unmodelled`."""
-        at, slow = self.at
-        return 0.0 if slow == at else self.p_of(place.block, slow) or 0.0
-
-    def near(self, place: Place, i: int) -> Iterator[Name]:
-        """See `Unmodelled`: every candidate beside what was found."""
-        view = self.judge.view(self.at[0])
-        taken = view.taken(self.chosen)
-        columns = view.columns - taken @ (taken.T @ view.columns)
-        for j, one in enumerate(self.candidates):
-            if j not in self.chosen:
-                own = slice(int(view.start[j]), int(view.start[j + 1]))
-                yield one.effect.name, columns[:, own], view.length[own]
 
     def stratum(self, place: Place) -> str:
         """See `Unmodelled`."""
@@ -157,29 +99,6 @@ class UnmodelledSmooth(Unmodelled):
             n = self.judge.problem.n
             none = Remainder(one.place.text, one.p, 0.0, 0, one.share, np.zeros(n), np.empty((n, 0)))
             yield ResidualShape(one.place, none, one.p, one.place.text, 0, detail=one.detail)
-
-    def p_of(self, block: Block, at: int) -> float | None:
-        """P by chance of a block beside the model, under covariance `at`; None if nothing is left of it."""
-        return next((one.p for one in self._remainders(block, at)), None)
-
-    def _remainders(self, block: Block, at: int) -> list[Remainder]:
-        seen = self._seen(at)
-        return remainders(seen.y, seen.df, [block], seen.project) if seen.df > 2 else []
-
-    def left_under(self, at: int) -> FloatArray:
-        """(n,) residual, whitened by covariance `at`."""
-        white, taken = self.judge.white(at, self.chosen), self.judge.view(at).taken(self.chosen)
-        return np.asarray(white - taken @ (taken.T @ white))
-
-    def leave(self, columns: FloatArray, at: int) -> FloatArray:
-        """(n, m) what the model leaves of columns, whitened by covariance `at`."""
-        white, taken = self.white(columns, at), self.judge.view(at).taken(self.chosen)
-        return np.asarray(white - taken @ (taken.T @ white))
-
-    def white(self, columns: FloatArray, at: int) -> FloatArray:
-        """(n, m) columns whitened by covariance `at`."""
-        problem = self.judge.problem
-        return np.asarray(problem.noise.whiten(np.array([at]), columns / problem.sd[:, None])[0])
 
     @cached_property
     def line(self) -> Line | None:
@@ -211,7 +130,7 @@ class UnmodelledSmooth(Unmodelled):
             period, phase = folded(self.left_under(0), at_s, near)
             columns = turns(360.0 * phase / period, HARMONICS)
             block = Block("", columns, ORDERS, np.repeat(np.arange(1.0, HARMONICS + 1), 2))
-            each = [one for k in under for one in self._remainders(block, k)]
+            each = [one for k in under for one in self.remainders(block, self.seen_at(at=k))]
             p = min(max((one.p for one in each), default=1.0) * found.count, 1.0)
             if each and (best is None or p < best.p):
                 best = Line(period, "s", p, each[0].share)
@@ -226,7 +145,7 @@ class UnmodelledSmooth(Unmodelled):
         under = self._noises()
 
         def ask(block: Block) -> Remainder | None:
-            each = [one for at in under for one in self._remainders(block, at)]
+            each = [one for at in under for one in self.remainders(block, self.seen_at(at=at))]
             return max(each, key=lambda one: one.p, default=None)
 
         found = [fine_period(self.left_under(0), v, name, ask) for name, v in settings.items()]
@@ -296,30 +215,9 @@ class UnmodelledSmooth(Unmodelled):
             if effect.family == "periodic" and effect.source == "time" and profile and profile.value < PERIODS:
                 yield [effect.name], few_periods(profile.value)
 
-    def plain_names(self, names: Sequence[str]) -> bool:
-        """See `Unmodelled`: a smooth curve begins with a line or a square."""
-        return len(names) == 1 and self.plain_name(names[0])
-
-    @property
-    def _searched(self) -> tuple[int, ...]:
-        """Those chosen that have a value of a searched constant, periods aside."""
-        every = self.judge.candidates
-        return tuple(j for j in self.chosen if every[j].term.profile and every[j].effect.family != "periodic")
-
-    def values_of(self, name: str) -> int:
-        """Number of values of a searched constant; two and three times one frequency are its harmonics."""
-        mine = [self.candidates[j] for j in self.of(name)]
-        found = sorted(c.term.profile.value for c in mine if c.effect.family == "periodic" and c.term.profile)
-        count = sum(not any(_harmonic(v, first) for first in found[:i]) for i, v in enumerate(found))
-        knots = sum(self.candidates[j].effect.name == name for j in self._searched)
-        return count if count > 1 else knots if knots >= BUNDLE else 0
-
-    def over_one(self, group: Group) -> Iterator[tuple[str, str]]:
-        """Pairs of effects of the same columns, unless both are plain: with a searched constant they take any shape."""
-        columns = {self.candidates[j].effect.name: set(self.candidates[j].effect.columns) for j in self.chosen}
-        for one, other in combinations(group.names, 2):
-            if columns[one] == columns[other] and not (self.plain_name(one) and self.plain_name(other)):
-                yield one, other
+    def rare(self, effect: Any) -> bool:
+        """See `InSensor`."""
+        return effect.kind.name in RARE
 
     def _left_over(self, variables: set[str]) -> tuple[ResidualShape, float] | None:
         """The most significant remainder over variables of an effect, with its p over such places, if it is a doubt."""
@@ -332,46 +230,6 @@ class UnmodelledSmooth(Unmodelled):
         """Effects that follow the time or a covariate: random jumps may look like them."""
         sources = {self.judge.candidates[j].effect.name: self.judge.candidates[j].effect.source for j in self.chosen}
         return tuple(name for name in names if sources[name] in ("time", "covariate"))
-
-    def _without(self, names: Sequence[str]) -> tuple[int, ...]:
-        return tuple(j for j in self.chosen if self.judge.candidates[j].effect.name not in names)
-
-    def plain_name(self, name: str) -> bool:
-        """Whether it is a line, a square, a cube or levels, without a searched constant or a rare function."""
-        own = [c for c in self.judge.candidates if c.effect.name == name]
-        return own[0].effect.kind.name not in RARE and all(c.term.profile is None for c in own)
-
-    def earned(self, names: Sequence[str], group: Group) -> tuple[float, float, str]:
-        """See `Unmodelled`."""
-        judge, at = self.judge, self.at[0]
-        mine = [j for j in self.chosen if self.candidates[j].effect.name in names]
-        view = judge.view(at)
-        taken = view.taken(tuple(j for j in self.chosen if j not in mine))
-        left = self.left_under(at)
-        df = max(left.size - view.taken(self.chosen).shape[1], 1)
-        sigma = float(np.sqrt(left @ left / df))
-        y = judge.white(at, self.chosen)
-        y = (y - taken @ (taken.T @ y)) / sigma
-        own = (view.columns[:, view.picked([j for j in mine if self.candidates[j].effect.name == n])] for n in names)
-        named = evidence_of(y, (some - taken @ (taken.T @ some) for some in own)) - sum(map(self._price, names))
-
-        def weighed(place: Place, i: int) -> float:
-            columns = self.white(place.columns(), at)
-            return evidence(y, columns - taken @ (taken.T @ columns), place.roughness)
-
-        return float(named), *nameless([[(place, 0)] for place in self.places], weighed)
-
-    def _price(self, name: str) -> float:
-        """Price in nats of the selection of this name, and of its searched constant."""
-        candidates = self.judge.candidates
-        own = [c for c in candidates if c.effect.name == name]
-        names = len({c.effect.name for c in candidates})
-        return float(np.log(names) + np.log(len(own)))
-
-
-def _harmonic(value: float, first: float) -> bool:
-    """Whether a frequency is two or three times another one."""
-    return any(abs(k * first - value) < NEAR * value for k in (2, 3))
 
 
 def _less_means(values: FloatArray, group: IntArray) -> FloatArray:

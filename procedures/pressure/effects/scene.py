@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 
@@ -294,6 +295,13 @@ class PressureEffect(Entry):
     at_most: float = float("inf")
     of_noise: bool = False
     on_suspicion: bool = False
+
+    family: ClassVar[str] = ""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Variables of its columns: what it is drawn over."""
+        return (self.against,)
 
     @property
     def by_hand(self) -> tuple[ByHand, ...]:

@@ -17,10 +17,10 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.among_alike import Shape, Shapes
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.beside import View
+from rig.fitter.trace.engine.between import RHO, alike
 from rig.fitter.trace.flexible import waves
 from rig.fitter.trace.outcome import Finding, remains
 from rig.procedures.pressure.effects.scene import PressureScene
-from rig.procedures.pressure.trace.between import RHO, alike
 
 LEVEL = 0.015
 """Of false alarms, over all transducers and places; a finding about the noise has the level of all of these."""

@@ -15,10 +15,11 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Products, Rival, rivals, simplest
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.beside import Coefficient, View, White
+from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.sensors import RunJudge
 from rig.fitter.trace.signs import SURE, Impossible
 from rig.fitter.trace.whitened import Whitened
-from rig.procedures.pressure.trace.posed import engine_of, white_of
+from rig.procedures.pressure.trace.posed import candidate, engine_of, white_of
 from rig.procedures.pressure.trace.problem import Problem
 
 NOTHING_LEFT = 0.02
@@ -39,6 +40,7 @@ class WholePlotJudge(RunJudge):
     problem: Problem
     estimates: dict[Any, Any] = field(default_factory=dict)
     _white: dict[bytes, White] = field(default_factory=dict)
+    _tables: dict[int, tuple[TableJudge, IntArray]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, problem: Problem, known: WholePlotJudge | None = None) -> WholePlotJudge:
@@ -55,15 +57,37 @@ class WholePlotJudge(RunJudge):
 
     def part(self, rest: Problem, kept: IntArray, chosen: Iterable[int]) -> WholePlotJudge:
         """The same for the `rest` of the run, of the rows `kept`."""
-        return replace(self.rows(kept, chosen), problem=rest, estimates={}, _white={})
+        return replace(self.rows(kept, chosen), problem=rest, estimates={}, _white={}, _tables={})
+
+    def table(self, i: int) -> tuple[TableJudge, IntArray]:
+        """Transducer `i` by itself, with all candidates that concern it, and their numbers in the run."""
+        if len(self.alone) == 1:
+            return self.alone[0], self.own[0]
+        if i not in self._tables:
+            sensors = (None, self.problem.sensors[i])
+            numbers = np.array([j for j, c in enumerate(self.candidates) if c.sensor in sensors], np.int64)
+            own = tuple(candidate(self.problem, int(j), self.problem.raw[i][:, [j]]) for j in numbers)
+            self._tables[i] = TableJudge(replace(self.alone[i].problem, candidates=own)), numbers
+        return self._tables[i]
+
+    def in_table(self, i: int, chosen: Iterable[int]) -> tuple[int, ...]:
+        """Those of some candidates that concern transducer `i`, by their number there."""
+        numbers = self.table(i)[1].tolist()
+        return tuple(numbers.index(j) for j in chosen if j in numbers)
+
+    def held(self, chosen: Iterable[int]) -> FloatArray:
+        """(S, n) outputs; readings that stand alone beside those `chosen` are reduced to three standard deviations."""
+        chosen = tuple(chosen)
+        every = range(len(self.problem.sensors))
+        return np.stack([self.table(i)[0].held(self.in_table(i, chosen)) for i in every])
 
     def white(self, chosen: Sequence[int]) -> White:
         """The run over the likeliest errors beside those `chosen`."""
-        covariances = self.likeliest(chosen)
-        key = covariances.tobytes()
+        covariances, held = self.likeliest(chosen), self.held(chosen)
+        key = covariances.tobytes() + held.tobytes()
         if key not in self._white:
             self._white.clear()
-            self._white[key] = white_of(self.problem, covariances)
+            self._white[key] = white_of(replace(self.problem, outputs=held), covariances)
         return self._white[key]
 
     def coefficients(self, chosen: Sequence[int]) -> dict[int, Coefficient]:

@@ -7,7 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from rig.fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.constant import ENDS
 from rig.fitter.trace.flexible import halves, waves
 from rig.fitter.trace.latches import latches
 from rig.fitter.trace.limits import limit
@@ -26,6 +27,10 @@ BETWEEN = (1, 2, 4)
 """Tried orders of blocks."""
 FINE = int(limit("waves of a curve", "whole-plot"))
 """Waves of a curve that is drawn over the pressure."""
+
+
+OF_PLOTS = ("with the transducer's temperature", "with the electronics' temperature", "along the run")
+"""Variables of whole plots: a coefficient that changes with them looks like a sensitivity that each plot draws anew."""
 
 
 def places_of(scene: PressureScene) -> tuple[Place, ...]:
@@ -61,6 +66,8 @@ def _within(scene: PressureScene) -> Iterator[Place]:
     sensor, sse = (waves(axis.values, TEMPERATURE) for _, axis, _ in each)
     slope = p[:, None]
     yield over("over the pressure", low, pressure, finer=finer(np.sqrt(np.maximum(scene.p, 0.0)), FINE))
+    each_value = _levels(data.pressure_levels[1])
+    yield over("over the pressure, each value by itself", each_value, pressure, rough=np.ones(each_value.shape[1]))
     for (text, axis, _), of in zip(each, (sensor, sse), strict=True):
         both, rough = products(low[:, :FEW], of[:, :FEWER])
         yield over(f"over the pressure, times {text}", both, pressure, axis, rough)
@@ -108,6 +115,30 @@ def _between(scene: PressureScene) -> Iterator[Place]:
         yield over(f"after {text}s before", before, moves, rough=np.ones(before.shape[1]))
 
 
+def _levels(level: IntArray) -> FloatArray:
+    """(n, m - 1) indicators of all levels but the first; none of as many as there are rows."""
+    every = np.unique(level)
+    return (
+        np.asarray(level[:, None] == every[1:], np.float64)
+        if 2 < every.size <= level.size // 2
+        else np.empty((level.size, 0))
+    )
+
+
+def changing_with(scene: PressureScene) -> dict[str, FloatArray]:
+    """(n, m) smooth functions of what a coefficient within whole plots may change with, by words."""
+    data = scene.data
+    side = data.pressure_side.astype(np.float64)[:, None]
+    return {
+        "with the pressure": waves(data.pressure_psia, ENDS),
+        OF_PLOTS[0]: waves(np.round(data.sensor_temperature_degC), ENDS),
+        OF_PLOTS[1]: waves(np.round(data.sse_temperature_degC), ENDS),
+        OF_PLOTS[2]: waves(scene.hours, ENDS),
+        "along each whole plot": waves(scene.since_h, ENDS),
+        "with the side from which a pressure was reached": side if np.ptp(side) > 0 else side[:, :0],
+    }
+
+
 def _hours(scene: PressureScene) -> Axis:
     return Axis("elapsed_s", "bench time", "h", scene.hours)
 
@@ -126,7 +157,7 @@ def _at(
     rough: FloatArray | None = None,
     **more: object,
 ) -> Place:
-    """A place of readings, or of whole plots; those are drawn over their means."""
+    """A place of readings, or of whole plots; those are drawn over their means. Levels are tried all together."""
     index = scene.data.whole_plot_index
 
     def mean(axis: Axis | None) -> Axis | None:
@@ -138,4 +169,5 @@ def _at(
     def axes(_i: int) -> tuple[Axis, Axis | None]:
         return mean(over) or over, mean(beside)
 
-    return smooth(text, columns, axes, rough, WITHIN if level == "subplot" else BETWEEN, level=level, **more)
+    tried = BETWEEN if level == "whole-plot" else (columns.shape[1],) if text.endswith("by itself") else WITHIN
+    return smooth(text, columns, axes, rough, tried, level=level, **more)

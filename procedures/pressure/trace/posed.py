@@ -61,7 +61,7 @@ def engine_of(run: Problem, known: RunJudge | None) -> Posed:
         Blocks(
             y=run.outputs[i],
             declared=run.model,
-            candidates=tuple(_candidate(run, int(j), run.raw[i][:, [j]]) for j in own[i]),
+            candidates=tuple(candidate(run, int(j), run.raw[i][:, [j]]) for j in own[i]),
             noise=noises[i].over(sd[i]),
             sd=sd[i],
             ordered=False,
@@ -103,7 +103,7 @@ def _stacked(run: Problem, alone: Sequence[TableJudge], noises: Sequence[Compone
     return Blocks(
         y=run.outputs.ravel(),
         declared=np.asarray(np.kron(np.eye(count), run.model), np.float64),
-        candidates=tuple(_candidate(run, j, run.raw[:, :, j].reshape(-1, 1)) for j in range(len(run.candidates))),
+        candidates=tuple(candidate(run, j, run.raw[:, :, j].reshape(-1, 1)) for j in range(len(run.candidates))),
         noise=Stacked(parts, (run.outputs.shape[1],) * count).over(each),
         sd=each,
         ordered=False,
@@ -112,7 +112,8 @@ def _stacked(run: Problem, alone: Sequence[TableJudge], noises: Sequence[Compone
     )
 
 
-def _candidate(run: Problem, j: int, columns: FloatArray) -> Candidate:
+def candidate(run: Problem, j: int, columns: FloatArray) -> Candidate:
+    """One of the run, with its columns (n, 1)."""
     one = run.candidates[j]
     term = alone = TableTerm((one.term.name,), columns)
     if one.effect.searched:  # its values are those of the catalogue: none is between two of them

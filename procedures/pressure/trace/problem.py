@@ -101,17 +101,6 @@ class Problem:
         """Those of some candidates that are judged at a level."""
         return tuple(j for j in of if self.judged_at[j] == level)
 
-    def left_within(self, chosen: Sequence[int], i: int) -> tuple[FloatArray, FloatArray]:
-        """(n,) residuals of transducer `i`, mV, beside some candidates and an offset of each whole plot; and (n,) share
-        of a reading's variance in each.
-        """
-        own = self.raw[i][:, list(chosen)]
-        sd = self.sd[i][:, None]
-        plots = self.whole_plot[:, None] == np.arange(int(self.whole_plot.max()) + 1)
-        columns = np.hstack([plots, self.declared, own[:, np.any(own != 0.0, axis=0)]]) / sd
-        basis, y = orthonormal(columns, None, 1e-6), self.outputs[i] / sd[:, 0]
-        return (y - basis @ (basis.T @ y)) * sd[:, 0], np.asarray(1.0 - np.sum(basis**2, axis=1))
-
     def take(self, rows: IntArray) -> Problem:
         """The problem of some of the rows, with the columns of the whole."""
         if len(rows) == len(self.declared):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 from rig.fitter.arrays import FloatArray
@@ -14,29 +14,27 @@ from rig.fitter.trace.doubts import (
     another_law,
     beyond_chance,
     by_chance,
-    error_rises,
     one_apart,
     several_causes,
     shown_by_another,
     something_left,
     under_another_name,
 )
-from rig.fitter.trace.engine.beside import LEVELS, Level
-from rig.fitter.trace.keep import LeftIn
+from rig.fitter.trace.engine.beside import LEVELS, Level, View
+from rig.fitter.trace.engine.constant import Constant
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.search import led_by_history
 from rig.fitter.trace.signs import Refused
 from rig.procedures.pressure.data import WholePlotData
 from rig.procedures.pressure.effects.scene import PressureScene
 from rig.procedures.pressure.trace.agreement import classes
-from rig.procedures.pressure.trace.constant import Constant
 from rig.procedures.pressure.trace.courses import Course, courses
 from rig.procedures.pressure.trace.estimate import Estimate
 from rig.procedures.pressure.trace.judge import WholePlotJudge
-from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.places import OF_PLOTS, changing_with
 from rig.procedures.pressure.trace.result import FoundPressureEffect
 from rig.procedures.pressure.trace.settle import Settled
-from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
+from rig.procedures.pressure.trace.unmodelled import InTransducer, transducers
 
 UNEXPLAINED = limit("unexplained", "whole-plot")
 """Probability of a remainder, over all that is tried, below which it is said."""
@@ -49,22 +47,19 @@ class Run:
     """All results of a trace of a run.
 
     Attributes:
-        data: the observations without outliers.
-        whole: all of them.
+        data: the observations.
         model: the declared one, as requested.
         formula: its terms.
         scene: references.
         settled: the search, with its final weights, and the noise with the effects.
         before: the declared model.
         after: the same with the effects.
-        stated: the same with those that lower the error of a transducer.
-        every: the whole run, prepared.
+        stated: the same with no error above that before.
         cv: (2, S) error of left-out whole plots, before and after.
         refused: causes that would fit, except for their required sign.
     """
 
     data: WholePlotData
-    whole: WholePlotData
     model: str
     formula: Formula
     scene: PressureScene
@@ -72,7 +67,6 @@ class Run:
     before: Estimate
     after: Estimate
     stated: Estimate
-    every: Problem
     cv: FloatArray | None
     refused: tuple[Refused, ...] = ()
 
@@ -92,30 +86,30 @@ class Run:
         return led_by_history(self.judge, self.after.chosen, self.judge.lead)
 
     @cached_property
-    def unmodelled(self) -> UnmodelledSmooth:
-        """Shapes without a name beside what was found."""
-        return UnmodelledSmooth(self.judge, replace(self.scene, data=self.data), self.after.chosen)
+    def unmodelled(self) -> list[InTransducer]:
+        """Each transducer with shapes without a name beside what was found."""
+        return transducers(self.judge, self.scene, self.after.chosen)
+
+    def view(self, level: Level) -> View:
+        """A level of all transducers beside what was found."""
+        return self.judge.white(self.after.chosen).view(level, self.after.chosen)
 
     def free(self, level: Level, i: int) -> float:
         """Degrees of freedom of a level of transducer `i` beside the declared model."""
-        return float(self.unmodelled.white.view(level, ()).df[i])
+        return float(self.judge.white(self.after.chosen).view(level, ()).df[i])
 
     @cached_property
     def constant(self) -> Constant:
         """Whether the coefficients of what was found are constants."""
-        return Constant(self.unmodelled)
+        variables = changing_with(self.scene)
+        return Constant(self.unmodelled, variables, OF_PLOTS)
 
     @cached_property
     def courses(self) -> dict[int, Course]:
         """What whole plots follow beside what was found, by transducer."""
-        unmodelled, in_time = self.unmodelled, self.judge.problem.plots_in_time
-        return courses(unmodelled.view("whole-plot"), in_time, unmodelled.scene) if unmodelled.able else {}
-
-
-def names_in(run: Run, inside: Sequence[LeftIn], i: int) -> frozenset[str]:
-    """Names of candidates of transducer `i` that are inside."""
-    every = run.judge.candidates
-    return frozenset(every[j].effect.name for j in (inside[i] if inside else ()))
+        if not all(one.able for one in self.unmodelled):
+            return {}
+        return courses(self.view("whole-plot"), self.judge.problem.plots_in_time, self.scene)
 
 
 def doubt(run: Run, effect: FoundPressureEffect, i: int) -> str | None:
@@ -127,8 +121,6 @@ def doubt(run: Run, effect: FoundPressureEffect, i: int) -> str | None:
     said = next((text for text in every if text is not None), _alike_laws(run, effect.effect))
     said = said or of_another(run.unmodelled, effect.effect, i)
     said = said or of_alias(run.unmodelled, effect.aliases, i, partial(_doubt_in, run))
-    if said is None and effect.effect in names_in(run, run.stated.left_in, i):
-        return error_rises()
     tried = len(run.judge.candidates)
     if effect.p_adjusted_is_bound and beyond_chance(effect.coefficients, effect.stderr, min(effect.df), tried):
         return said
@@ -152,7 +144,7 @@ def _alike_laws(run: Run, name: str) -> str | None:
 def _doubt_in(run: Run, name: str, i: int) -> str | None:
     """Why a name should not be believed in transducer `i`."""
     problem, course = run.judge.problem, run.courses.get(i)
-    said = run.led_by_history.get(name) or run.unmodelled.doubts_by_sensor.get((name, i))
+    said = run.led_by_history.get(name) or run.unmodelled[i].doubts.get(name)
     if said is None:
         said = run.constant.doubts.get(name)
     between = any(
@@ -165,23 +157,22 @@ def _doubt_in(run: Run, name: str, i: int) -> str | None:
     return said
 
 
-def of_another(unmodelled: UnmodelledSmooth, name: str, i: int) -> str | None:
+def of_another(unmodelled: Sequence[InTransducer], name: str, i: int) -> str | None:
     """Doubt about a name of transducer `i` where another one, without it, follows a shape in the same stratum.
 
     They are of one make and on one line, so that one cause of both is likelier than two.
     """
-    sensors = unmodelled.problem.sensors
     for level in LEVELS:
-        having = [k for k in range(len(sensors)) if name in unmodelled.names_in(k, level)]
-        for k in range(len(sensors)):
-            left = unmodelled.left_in(k, level) if i in having and k not in having else None
+        having = [k for k, one in enumerate(unmodelled) if name in one.names_at(level)]
+        for k, one in enumerate(unmodelled):
+            left = one.left_in(0, level) if i in having and k not in having else None
             if left is not None and left.p < UNEXPLAINED:
-                return shown_by_another(sensors[k], left.place.text)
+                return shown_by_another(one.run.sensors[k], left.place.text)
     return None
 
 
 def of_alias(
-    unmodelled: UnmodelledSmooth, aliases: Sequence[str], i: int, doubt: Callable[[str, int], str | None]
+    unmodelled: Sequence[InTransducer], aliases: Sequence[str], i: int, doubt: Callable[[str, int], str | None]
 ) -> str | None:
     """Doubt about a name of transducer `i` of which another one has an alias, where that is doubtful.
 
@@ -192,8 +183,8 @@ def of_alias(
         doubt: of a name in a transducer.
 
     """
-    for k, sensor in enumerate(unmodelled.problem.sensors):
-        for other in (name for level in LEVELS for name in unmodelled.names_in(k, level) if k != i):
+    for k, one in enumerate(unmodelled):
+        for other in (name for level in LEVELS for name in one.names_at(level) if k != i):
             if other in aliases and doubt(other, k) is not None:
-                return under_another_name(sensor, other)
+                return under_another_name(one.run.sensors[k], other)
     return None

@@ -2,35 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from scipy.special import chdtrc
 
-from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import separation
 from rig.fitter.trace.drawn import drawn, drawn_instead, drawn_period
-from rig.fitter.trace.engine.beside import Level
+from rig.fitter.trace.engine.beside import LEVELS, Level
 from rig.fitter.trace.found import CONFIRMED, experiments, of_left_out, parameters_of, verdict, with_shares
+from rig.fitter.trace.growing_noise import Noise
 from rig.fitter.trace.lines import CLEAR
-from rig.fitter.trace.not_kept import for_others, left_to_whole_plots
+from rig.fitter.trace.not_kept import for_others
 from rig.fitter.trace.outcome import CONDITIONAL, Finding, remains
 from rig.fitter.trace.shares import of_rest, shares, unnamed_part
 from rig.procedures.pressure.effects.scene import PressureEffect, PressureTerm
 from rig.procedures.pressure.effects.separation import separate_pressure
-from rig.procedures.pressure.trace.estimate import Estimate, error_of, residual_of
+from rig.procedures.pressure.trace.estimate import Estimate, error_of
 from rig.procedures.pressure.trace.noise_report import noise_findings
-from rig.procedures.pressure.trace.reasons import UNEXPLAINED, Run, doubt, names_in
-from rig.procedures.pressure.trace.remainder import (
-    reading_error_pct,
-    repeated_readings,
-    repeated_whole_plots,
-    strongest_pressure,
-    strongest_whole_plot,
-)
+from rig.procedures.pressure.trace.reasons import UNEXPLAINED, Run, doubt
+from rig.procedures.pressure.trace.remainder import reading_error_pct
 from rig.procedures.pressure.trace.result import FoundPressureEffect, Side, TransducerTrace
 from rig.procedures.pressure.trace.some_plots import in_some_plots
 from rig.procedures.pressure.trace.time_constants import time_constant
@@ -38,8 +32,11 @@ from rig.procedures.pressure.trace.time_constants import time_constant
 DIFFERENT = 0.01
 """Coefficients of all transducers that agree with more than this probability are called equal."""
 
+LEFT_TO_PLOTS = (
+    "the errors after have only the part within whole plots of what was found there: its part between them happens to "
+    "raise the error between whole plots, and is left to it"
+)
 LEAVING_OUT = "each whole plot in turn left out of selection and fit, its error predicted as zero"
-_BETWEEN = "between whole plots"
 
 
 def transducer(run: Run, i: int) -> TransducerTrace:
@@ -48,9 +45,8 @@ def transducer(run: Run, i: int) -> TransducerTrace:
     left = _unnamed(run, i)
     shown = [e for name in run.classes if (e := _found(run, name, i)) is not None]
     divided = _shares(run, [effect.effect for effect in shown], unnamed_part(left), i)
-    kept_in, in_part = (names_in(run, one, i) for one in (run.stated.left_in, run.stated.within))
     effects = (
-        *with_shares(shown, divided, lambda effect: doubt(run, effect, i), kept_in),
+        *with_shares(shown, divided, lambda effect: doubt(run, effect, i)),
         *noise_findings(run, i),
     )
     rest = of_rest(divided, left)
@@ -70,7 +66,7 @@ def transducer(run: Run, i: int) -> TransducerTrace:
         rows=(before.rows(), after.rows()),
         effects=effects,
         unnamed=rest,
-        instead=drawn_instead(run.unmodelled, tuple(effect.effect for effect in effects if effect.doubtful), i),
+        instead=drawn_instead(run.unmodelled[i], tuple(effect.effect for effect in effects if effect.doubtful)),
         refused=refused,
         fitted=parameters_of(added, fit.names, after.declared, fit.kenward_roger().stderr, fit.df),
         notes=(
@@ -78,11 +74,11 @@ def transducer(run: Run, i: int) -> TransducerTrace:
             *(text for name in run.classes for text in (_alike(run, name), _mixed(run, name)) if text),
             *(one.sentence for one in run.settled.not_kept if one.sensor in (None, sensor)),
             *map(for_others, idle),
-            *(left_to_whole_plots(e.effect) for e in effects if e.effect in in_part),
+            *([LEFT_TO_PLOTS] if run.stated.fits[i] is not run.after.fits[i] else []),
             *(one.sentence for one in refused),
             *_notes(run, before, after, effects, i),
         ),
-        noise_within=run.settled.look.noise[i],
+        noise_within=run.settled.noise[i] or Noise(fit.sigma_subplot, 0.0, (0.0, 0.0), 1.0),
         sensitivity=run.scene.sensitivity[sensor],
     )
 
@@ -92,7 +88,7 @@ def _notes(run: Run, before: Side, after: Side, effects: Sequence[FoundPressureE
     named = {effect.effect for effect in effects}
     if NOISE_GROWS in named:
         where, wide, narrow = ("with pressure", "at low pressure", "at high")
-        if run.settled.look.noise[i].middle is not None:
+        if (noise := run.settled.noise[i]) is not None and noise.middle is not None:
             where, wide, narrow = ("towards both ends of the pressures", "in the middle", "at the ends")
         yield (
             f"noise grows {where}: intervals that take one sd for all pressures are too wide {wide} and too narrow "
@@ -104,7 +100,7 @@ def _notes(run: Run, before: Side, after: Side, effects: Sequence[FoundPressureE
             "what changes slowly within whole plots; effects were judged beside that here"
         )
     if OUTLIERS in named:
-        yield "readings that stand out are left out of everything here, before and after; they are listed"
+        yield "readings that stand out count as three standard deviations here, before and after; they are listed"
     between = any(effect.stratum == "whole-plot" for effect in effects)
     if between:
         count = len(after.fit.whole_plots)
@@ -127,7 +123,7 @@ def _side(run: Run, fitted: Estimate, i: int, when: int) -> Side:
         declared=fitted.declared[i],
         reading_error_pct=reading_error_pct(run.data, fitted.residual[i], slope),
         cv_rms=None if run.cv is None else float(run.cv[when, i]),
-        residual_mV=residual_of(run.every, fitted)[i],
+        residual_mV=fitted.residual[i],
     )
 
 
@@ -176,10 +172,10 @@ def _found(run: Run, name: str, i: int) -> FoundPressureEffect | None:
         formulas=tuple(filter(None, (problem.candidates[j].term.formula for j in mine))),
         df=tuple(c.df for c in coefficients.values()),
         half_width_95=tuple(c.half_width_95 for c in coefficients.values()),
-        contribution_mV=run.every.raw[i][:, mine] @ values,
+        contribution_mV=contribution,
         peak_mV=peak,
         peak_psi=psi,
-        constants=tuple(time_constant(problem, replace(run.scene, data=run.data), after.chosen, mine)),
+        constants=tuple(time_constant(run.unmodelled, name)),
     )
 
 
@@ -194,8 +190,7 @@ def _falls(run: Run, effect: FoundPressureEffect, i: int) -> bool:
     if effect.kind == "noise":
         return True
     level: Level = "whole-plot" if effect.stratum == "whole-plot" else "subplot"
-    stays = effect.effect in names_in(run, run.stated.left_in, i)
-    return not stays and error_of(run.after, level, i) < error_of(run.before, level, i)
+    return error_of(run.after, level, i) < error_of(run.before, level, i)
 
 
 def _shares(run: Run, names: list[str], unnamed: float, i: int) -> FloatArray:
@@ -213,7 +208,7 @@ def _shares(run: Run, names: list[str], unnamed: float, i: int) -> FloatArray:
         [j for j in after.chosen if effects[j].effect.name == n and effects[j].sensor in (None, sensor)] for n in names
     ]
     parts = [problem.raw[i][:, own] @ np.array([after.coefficients[j].value for j in own]) for own in mine]
-    every, basis = np.column_stack([*parts, problem.outputs[i]]), orthonormal(problem.model)
+    every, basis = np.column_stack([*parts, run.judge.held(after.chosen)[i]]), orthonormal(problem.model)
     every = every - basis @ (basis.T @ every)
     left = every[:, -1] - every[:, :-1].sum(axis=1)
     count = np.bincount(problem.whole_plot)
@@ -259,25 +254,19 @@ def _mixed(run: Run, name: str) -> str:
 
 
 def _unnamed(run: Run, i: int) -> tuple[Finding, ...]:
-    """The remainder in both strata beyond chance: the shape it follows, and what repeats have in common."""
-    unmodelled, data = run.unmodelled, run.data
+    """The remainder in both strata beyond chance: the shape it follows, and a period."""
+    unmodelled = run.unmodelled[i]
     rest: list[Finding] = []
-    by_level: Mapping[Level, tuple[IntArray, Callable[..., Finding]]] = {
-        "subplot": (repeated_readings(data), strongest_pressure),
-        "whole-plot": (repeated_whole_plots(data)[data.whole_plot_index], strongest_whole_plot),
-    }
-    for level, (repeats, strongest) in by_level.items():
-        left = unmodelled.left_in(i, level)
+    for level in LEVELS[::-1]:
+        left = unmodelled.left_in(0, level)
         if left is not None and left.p < UNEXPLAINED:
-            rest.append(remains(left.where, left.remainder.share, shape=drawn(unmodelled, left, i)))
-        if unmodelled.of_repeats(repeats, i, level) < UNEXPLAINED:
-            rest.append(strongest(unmodelled.view(level), data, i))
-        if level == "whole-plot" and i in run.courses and not any(_BETWEEN in one.cause for one in rest):
+            rest.append(remains(left.where, left.remainder.share, shape=drawn(unmodelled, left)))
+        elif level == "whole-plot" and i in run.courses:
             rest.append(run.courses[i].unnamed())
-    line = unmodelled.lines[i]
+    line = unmodelled.line
     if line is not None and line.p < CLEAR:
-        rest.append(remains(line.where, line.share, shape=drawn_period(unmodelled, line, i)))
+        rest.append(remains(line.where, line.share, shape=drawn_period(unmodelled, line)))
     if unmodelled.able and all(one.stratum == "noise" for one in rest):
-        some = in_some_plots(unmodelled, i)
+        some = in_some_plots(unmodelled)
         rest += [] if some is None else [some]
     return tuple(rest)

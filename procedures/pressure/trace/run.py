@@ -58,32 +58,28 @@ def trace_whole_plots(
     names, declared = formula.columns(data.table)
     check_determined(data, formula)
     scene = scene_of(data)
-    whole = pose(data, names, declared, scene, catalogue)
-    settled = settle(whole)
+    settled = settle(pose(data, names, declared, scene, catalogue))
     judge, found = settled.judge, settled.chosen
-    problem, before, after = judge.problem, estimate(judge, ()), estimate(judge, found)
-    taken_out = never_above(judge, before, after)
+    problem, before, after = judge.problem, estimate(judge, (), found), estimate(judge, found)
     told = Run(
-        data=data.take(settled.kept),
-        whole=data,
+        data=data,
         model=model if model != HIERARCHICAL else f"full (where {HIERARCHICAL} starts)",
         formula=formula,
         scene=scene,
         settled=settled,
         before=before,
         after=after,
-        stated=taken_out,
-        every=whole,
+        stated=never_above(judge, before, after),
         cv=left_out(judge, found) if validate else None,
     )
     told = replace(told, refused=refusals(judge, found, told.classes, scene.sensitivity))
     sensors = {sensor: transducer(told, i) for i, sensor in enumerate(problem.sensors)}
-    lasting = [j for j in found if not problem.candidates[j].effect.of_noise]
-    chosen, gamma = tuple(problem.candidates[j] for j in lasting), [after.coefficients[j].value for j in lasting]
-    taken = taken_out.taken[:, [found.index(j) for j in lasting]]
-    classes = {c.effect.name: told.classes[c.effect.name] for c in chosen}
+    chosen = tuple(j for j in found if not problem.candidates[j].effect.of_noise)
+    gamma, terms = [after.coefficients[j].value for j in chosen], tuple(problem.candidates[j] for j in chosen)
+    classes = {c.effect.name: told.classes[c.effect.name] for c in terms}
     explanations = explanations_of(classes, problem.candidates)
-    return WholePlotTrace(sensors, scene, chosen, np.array(gamma), taken, len(data), formula, explanations=explanations)
+    taken = np.ones((len(problem.sensors), len(chosen)))
+    return WholePlotTrace(sensors, scene, terms, np.array(gamma), taken, len(data), formula, explanations=explanations)
 
 
 def scene_of(data: WholePlotData) -> PressureScene:
@@ -110,7 +106,7 @@ def left_out(judge: WholePlotJudge, found: tuple[int, ...]) -> FloatArray | None
     The search is repeated without the left-out whole plots, whose own errors are predicted as zero: one at a time, or
     `FOLDS` times several. Without findings there is no repetition.
     """
-    problem = judge.problem
+    problem, outputs = judge.problem, judge.held(found)
     squares = np.zeros((2, len(problem.sensors)))
     fold = problem.whole_plot % FOLDS
     folds = int(fold.max()) + 1
@@ -121,12 +117,12 @@ def left_out(judge: WholePlotJudge, found: tuple[int, ...]) -> FloatArray | None
             design = SplitPlotDesign(rest.declared, rest.whole_plot, rest.names)
             part = judge.part(rest, inside, found)
             coefficients = part.coefficients(named(part)) if found else {}
-            plain = design.fit_many(rest.outputs.T).coefficients
-            beside_effects = design.fit_many((rest.outputs - contributed(rest, coefficients)).T).coefficients
+            plain = design.fit_many(outputs[:, inside].T).coefficients
+            beside_effects = design.fit_many((outputs[:, inside] - contributed(rest, coefficients)).T).coefficients
         except FitError:
             return None
-        columns, outputs = problem.declared[aside], problem.outputs[:, aside]
-        squares[0] += np.sum((outputs - plain @ columns.T) ** 2, axis=1)
-        corrected = outputs - contributed(problem, coefficients, aside)
+        columns, apart = problem.declared[aside], outputs[:, aside]
+        squares[0] += np.sum((apart - plain @ columns.T) ** 2, axis=1)
+        corrected = apart - contributed(problem, coefficients, aside)
         squares[1] += np.sum((corrected - beside_effects @ columns.T) ** 2, axis=1)
     return np.asarray(np.sqrt(squares / problem.outputs.shape[1]))

@@ -18,7 +18,7 @@ from rig.fitter.linear import orthonormal
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.outcome import Finding, remains
 from rig.procedures.pressure.effects.scene import PressureScene
-from rig.procedures.pressure.trace.unmodelled import UnmodelledSmooth
+from rig.procedures.pressure.trace.unmodelled import InTransducer
 
 LEAST_DF = 3
 """Degrees of freedom beside the shape in a whole plot that is asked, at least."""
@@ -30,10 +30,10 @@ OF_ITS_OWN = 0.01
 """Probability below which a whole plot is counted among those that follow it."""
 
 
-def in_some_plots(unmodelled: UnmodelledSmooth, i: int) -> Finding | None:
-    """The clearest shape that whole plots of transducer `i` follow, each by its own amount; None if there is none."""
-    problem, view = unmodelled.problem, unmodelled.view("subplot")
-    whiten, left, n = view.white.errors[i].white, view.outputs[i], problem.whole_plot.size
+def in_some_plots(unmodelled: InTransducer) -> Finding | None:
+    """The clearest shape that whole plots of a transducer follow, each by its own amount; None if there is none."""
+    problem, view = unmodelled.run, unmodelled.view("subplot")
+    whiten, left, n = view.white.errors[0].white, view.outputs[0], problem.whole_plot.size
     plots = np.arange(int(problem.whole_plot.max()) + 1) == problem.whole_plot[:, None]
     best: tuple[float, str, float] = (UNEXPLAINED, "", 0.0)
     every = list(_shapes(unmodelled.scene))
@@ -41,9 +41,9 @@ def in_some_plots(unmodelled: UnmodelledSmooth, i: int) -> Finding | None:
         # the model beside a shape of any amount in each whole plot, and beside the rows that are not asked
         own = np.column_stack([column[:, None] * plots, np.eye(n)[:, ~asked]])
         own = own / np.maximum(np.linalg.norm(whiten(own), axis=0), np.finfo(float).tiny)
-        taken = view.project(own, i)
+        taken = view.project(own, 0)
         coefficients = np.linalg.lstsq(taken, left, rcond=ALIKE)[0]
-        seen = left - taken @ coefficients + whiten(own) @ coefficients / view.sigma[i]
+        seen = left - taken @ coefficients + whiten(own) @ coefficients / view.sigma[0]
         white = whiten(np.column_stack([np.ones(n), unmodelled.scene.p, column]))
         each = [_alone(seen[mine], white[mine]) for mine in (plots & asked[:, None]).T]
         ps = np.array([p for p, _ in each])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -10,51 +10,38 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.quantiles import t_limit
-from rig.fitter.sums_of_squares import project_out
-from rig.procedures.pressure.effects.scene import PressureScene
-from rig.procedures.pressure.trace.problem import Problem
+from rig.procedures.pressure.trace.unmodelled import InTransducer
 
 BEYOND, STEPS = 4.0, 81
 """The profile goes so far beyond the values of the catalogue, in so many equal steps of the logarithm."""
 HOUR_S = 3600.0
 
 
-def time_constant(
-    problem: Problem, scene: PressureScene, chosen: Sequence[int], mine: Sequence[int]
-) -> list[dict[str, Any]]:
+def time_constant(transducers: Iterable[InTransducer], name: str) -> list[dict[str, Any]]:
     """The time constant of an effect as JSON values: name, estimate, standard error, unit, and 95 % interval.
 
     Readings are compared within whole plots, of all transducers that the effect concerns. The interval has the values
     beside which the sum of squares is higher by less than the square of Student's limit.
 
     Args:
-        problem: of the run.
-        scene: references; with the rows of the problem.
-        chosen: candidates in the model.
-        mine: those of the effect.
+        transducers: with their findings, as far as they have the effect.
+        name: of the effect.
 
     Returns:
         One; none without a time constant, or where terms of the effect have several.
     """
-    terms = [problem.candidates[j].term for j in mine]
+    having = [one for one in transducers if one.of(name)]
+    terms = [one.run.candidates[int(one.numbers[j])].term for one in having for j in one.of(name)]
     known = {one.constant[0] for one in terms if one.constant is not None}
     if len(known) != 1 or any(one.constant is None for one in terms):
         return []
     (found,) = known
     taus = np.geomspace(found / 6.0 / BEYOND, found * 6.0 * BEYOND, STEPS)
-    sensors = [i for i in range(len(problem.sensors)) if problem.raw[i][:, list(mine)].any()]
     rise, df = np.zeros(STEPS), np.inf
-    for i in sensors:
-        each = 1.0 / problem.sd[i][:, None]
-        plots = (problem.whole_plot[:, None] == np.unique(problem.whole_plot)).astype(np.float64)
-        others = problem.raw[i][:, [j for j in chosen if j not in mine]]
-        basis = orthonormal(each * np.column_stack([plots, problem.declared, others]))
-        y = project_out(each[:, 0] * problem.outputs[i], basis)
-        own = [_scale(problem.raw[i][:, j], one.column(scene)) for j, one in zip(mine, terms, strict=True)]
-        left = np.array([_left(y, basis, each * np.column_stack([
-            size * one.constant[1](tau)(scene) for size, one in zip(own, terms, strict=True) if one.constant
-        ])) for tau in taus.tolist()])  # fmt: skip
-        free = float(len(y) - basis.shape[1] - len(terms) - 1)
+    for one in having:
+        beside = one.beside(tuple(j for j in one.chosen if j not in one.of(name)), "subplot")
+        left = np.array([_left(beside.y, beside.project(_columns(one, name, tau))) for tau in taus.tolist()])
+        free = float(one.view("subplot").df[0]) - 1.0
         if free < 1.0 or left.min() <= 0.0:
             return []
         rise += left / (left.min() / free)
@@ -68,13 +55,12 @@ def time_constant(
     return [told | {"stderr": spread if closed else None, "interval_95": [low, high] if closed else None}]
 
 
-def _scale(raw: FloatArray, column: FloatArray) -> float:
-    """The factor between a column of the catalogue and that in the output of a transducer."""
-    length = float(column @ column)
-    return float(raw @ column) / length if length > 0.0 else 0.0
+def _columns(one: InTransducer, name: str, tau: float) -> FloatArray:
+    """(n, q) columns of an effect with another time constant."""
+    terms = (one.run.candidates[int(one.numbers[j])].term for j in one.of(name))
+    return np.column_stack([term.constant[1](tau)(one.scene) for term in terms if term.constant is not None])
 
 
-def _left(y: FloatArray, basis: FloatArray, columns: FloatArray) -> float:
-    """Sum of squares beside columns."""
-    own = orthonormal(project_out(columns, basis), np.linalg.norm(columns, axis=0))
-    return float(np.sum(project_out(y, own) ** 2))
+def _left(y: FloatArray, columns: FloatArray) -> float:
+    """Sum of squares of a residual beside columns."""
+    return float(y @ y - np.sum((orthonormal(columns).T @ y) ** 2))

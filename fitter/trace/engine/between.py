@@ -14,6 +14,7 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.among_alike import Alike
 from rig.fitter.trace.engine.beside import View
+from rig.fitter.trace.engine.components import Components
 
 RHO = np.array([0.0, 0.25, 0.5, 0.7, 0.85])
 """Tried correlations of neighbours."""
@@ -32,6 +33,7 @@ def alike(view: View, in_time: IntArray, i: int) -> tuple[Alike, ...]:
     """
     errors, free = view.white.errors[i], view.free(i)
     noise = errors.noise
+    assert isinstance(noise, Components)  # whoever has groups
     place = np.argsort(in_time)
     rows = np.bincount(noise.group, errors.sd**-2.0)
     shared = np.sqrt(1.0 - 1.0 / (1.0 + float(noise.grid[0, 0]) * rows))
