@@ -21,7 +21,7 @@ from rig.procedures.general.factors import RANDOM
 from rig.procedures.general.for_budgets import general_evaluation
 from rig.procedures.general.found_in_run import FoundInRun
 from rig.procedures.general.further_runs import values_of, with_routine
-from rig.procedures.general.of_runs import RunModels, RunTraced, fit_run, noted_of, recorded
+from rig.procedures.general.of_runs import RunModels, RunTraced, fit_run, noted_of, recorded, without_readings
 from rig.procedures.general.options import FitOptions, TraceOptions
 from rig.procedures.general.own_time import TIME
 from rig.procedures.general.planning import check_declared, evaluations
@@ -49,6 +49,8 @@ NOT_OURS = (
 
 def cannot_confirm(table: Table, options: TraceOptions) -> str:
     """Why no further run can confirm the findings in a run; see `rig.procedures.kind.Kind.cannot_confirm`."""
+    for failed in without_readings(table).values():
+        return f"{failed.partition(',')[0]}, since a channel failed: make the run again, and trace and confirm that"
     others = options.model_fields_set - {"response", "formula", "ignore"}
     asked = None if others else RunModels.of(table, options.response, options.formula)
     if asked is None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from rig.procedures.general.budget import _AT, GeneralEvaluation
+from rig.procedures.general.of_runs import without_readings
 from rig.procedures.present.meant import meant
 from rig.procedures.tables.table import Table
 
@@ -39,6 +40,11 @@ def general_evaluation(
 
     if not table.outputs:
         raise DataError(f"{table.source}: budgets are made of runs, whose bench says what reads what")
+    if lacks := without_readings(table):
+        raise DataError(
+            f"{table.source}: {next(iter(lacks.values())).partition(',')[0]}, since a channel failed: a budget needs a "
+            "reading of every output in every row; `rig fit` evaluates each output by the rows that it has"
+        )
     _check_names(table, at)
     try:
         every = made(table, at or _points(table))

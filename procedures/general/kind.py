@@ -125,7 +125,7 @@ class GeneralKind(Kind):
         """Find effects missing in the declared model; arguments and errors as for `fit`."""
         read: Reader = source.read
         if source.is_run:
-            from rig.procedures.general.of_runs import RunModels, reader_of, trace_run  # noqa: PLC0415
+            from rig.procedures.general.of_runs import RunModels, reader_of, trace_run, with_failures  # noqa: PLC0415
 
             asked = RunModels.of(source.table, options.response, options.formula)
             if asked is not None and set(_given(options)) <= {*_OF_RUNS, "ignore"}:
@@ -154,7 +154,8 @@ class GeneralKind(Kind):
             date_order=options.date_order,
             own=own,
         )
-        return trace_general_table(read, roles)
+        traced = trace_general_table(read, roles)
+        return with_failures(traced, source.table) if source.is_run else traced
 
     def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration | Mapping[str, CurveCalibration]:
         """For one response, or for every sensor of a run by its output."""

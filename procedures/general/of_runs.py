@@ -98,15 +98,20 @@ def reader_of(table: Table) -> Reader:
         for name in needed:
             if name not in table.columns:
                 raise DataError(f"{table.source} has no column {name} (columns: {', '.join(table.columns)})")
-        lacks = [name for name in needed if name in table.outputs and _without(table, name)]
+        lacks = [name for name in without_readings(table) if name in needed]
         return with_readings_of(table, lacks) if lacks else table
 
     return read
 
 
-def _without(table: Table, output: str) -> int:
-    """Number of rows without a reading of an output, whose channel failed there."""
-    return int(np.count_nonzero(~np.isfinite(table.columns[output])))
+def without_readings(table: Table) -> dict[str, str]:
+    """A sentence for every output whose channel failed in some of the rows of a run, by output."""
+    found = {}
+    for output in table.outputs:
+        values = table.columns.get(output, np.empty(0))
+        if count := int(np.count_nonzero(~np.isfinite(values))):
+            found[output] = f"{output} has no reading in {count} of {len(table)} rows, and is evaluated without them"
+    return found
 
 
 def with_readings_of(table: Table, outputs: Sequence[str]) -> Table:
@@ -149,9 +154,7 @@ def notes_of(table: Table) -> tuple[str, ...]:
     told = []
     if _WHOLE_PLOT in table.columns and not has_whole_plots(table):
         told.append("every whole plot has one reading: its error is a part of that of the row, and was not separated")
-    lacks = {output: _without(table, output) for output in table.outputs if output in table.columns}
-    evaluated = f"of {len(table)} rows, and is evaluated without them"
-    told += [f"{one} has no reading in {n} {evaluated}" for one, n in lacks.items() if n]
+    told += without_readings(table).values()
     flags: Mapping[str, int] = table.provenance.get("flags", {})
     for flag, count in flags.items():
         rows = "1 row is" if count == 1 else f"{count} rows are"
@@ -290,8 +293,17 @@ def trace_run(
     """
     read = reader_of(asked.table)
     every = {column: replace(roles, own=own) for column, roles in roles_of_run(asked, ignore).items()}
-    found = {column: trace_general_table(read, every[column], validate=validate) for column in steps([*every])}
+    found = {
+        column: with_failures(trace_general_table(read, every[column], validate=validate), asked.table)
+        for column in steps([*every])
+    }
     return RunTraced(found, tuple(column for column in asked.models if column not in found))
+
+
+def with_failures(traced: GeneralTraced, run: Table) -> GeneralTraced:
+    """The trace of an output of a run, which says where its channel failed."""
+    failed = without_readings(run).get(traced.roles.response)
+    return traced if failed is None else replace(traced, taken=(*traced.taken, failed))
 
 
 def roles_of_run(asked: RunModels, ignore: Sequence[str] = ()) -> dict[str, Roles]:

@@ -14,11 +14,14 @@ from fake_lines import served
 
 from rig.drivers.errors import BadReply, ChannelsFailed, InstrumentError
 from rig.engine.session import Outcome
+from rig.procedures.errors import DataError
+from rig.procedures.general.for_budgets import general_evaluation
 from rig.procedures.general.settings import GeneralFaults
 from rig.run_file.events.bench import Fault
 from rig.run_file.events.points import Observed
 from rig.run_file.read.reader import RunReader
 from rig.sims.declared.lines import LinesTwin
+from rig.tables.table_of_run import run_table
 from rig.verbs.instrument.check import check
 
 SCANNER = """
@@ -181,6 +184,19 @@ def test_a_failed_channel_is_a_missing_reading_with_its_reason(tmp_path, monkeyp
     assert sum(not row[head.index("cold_V")] for row in rows) == 6
     assert all(row[head.index("hot_V")] for row in rows)
     assert rig("trace", path, "--response", "hot_V").returncode == 0
+
+
+def test_what_is_made_of_such_a_run_says_what_it_lacks(tmp_path, monkeypatch):
+    path, _, _ = run(tmp_path, monkeypatch, 'channel = ["accept"]', range(27, 33))
+    traced = json.loads(rig("trace", path, "--json").stdout)["sensors"]
+    failed = "cold_V has no reading in 3 of 8 rows"
+    assert traced["cold_V"]["notes"] == [f"{failed}, and is evaluated without them"]
+    assert traced["hot_V"]["notes"] == []
+    done = rig("confirm", path, "--dry")
+    assert done.returncode == 2
+    assert failed in done.stderr
+    with pytest.raises(DataError, match=failed):
+        general_evaluation(run_table(path), ())
 
 
 def test_without_such_a_policy_it_is_an_error_of_the_instrument_with_the_others_readings(tmp_path, monkeypatch):
