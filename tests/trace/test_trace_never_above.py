@@ -1,6 +1,7 @@
 """What a trace keeps never raises the error that it states, before against after on the same rows."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from strangers_tables import table
 from proving.strangers.runs import scored
 from rig.fitter.trace.keep import left_in, never_above, taken_out
 from rig.fitter.trace.not_kept import in_place_of
+from rig.procedures.pressure.trace.estimate import rises
 
 
 class _Judge:
@@ -74,3 +76,11 @@ def test_the_error_of_a_strangers_run_is_not_above_that_before(name, options):
     run = scored(table(name, options), (), left_out=False)
     assert run["class"] not in {"crash", "refused"}
     assert not run["rose"], run["line"]
+
+
+def test_a_transducers_error_rises_if_that_of_all_strata_together_does():
+    def of(subplot: float, wholeplot: float) -> Any:
+        return SimpleNamespace(fits=[SimpleNamespace(sigma_subplot=subplot, sigma_wholeplot=wholeplot)])
+
+    assert rises(of(3.0, 4.0), of(2.9, 4.2), 0)
+    assert not rises(of(3.0, 4.0), of(2.0, 4.5), 0)

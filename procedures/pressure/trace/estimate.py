@@ -71,16 +71,16 @@ def _fit(
     return design_of(problem, raw[:, own], names).fit(y - of_line)
 
 
-def never_above(judge: WholePlotJudge, before: Estimate, after: Estimate) -> Estimate:
-    """The same effects, so that no transducer's error of all strata is above that before.
+def left_to_plots(judge: WholePlotJudge, before: Estimate, after: Estimate) -> Estimate:
+    """The same effects; where a transducer's error of all strata rises, with less of them.
 
-    An effect within whole plots also moves their means, where it may meet errors that happen to be against it: if the
-    error rises, the parts between whole plots of such effects are left to it.
+    An effect within whole plots also moves their means, where it may meet errors that happen to be against it: the
+    parts between whole plots of such effects are left to their error then. What is left may still rise: see `rises`.
     """
     problem, fits = judge.problem, list(after.fits)
     index, inside = problem.whole_plot, [level == "subplot" for level in problem.judged_at]
     for i, y in enumerate(judge.held(after.chosen)):
-        if _all(fits[i]) > _all(before.fits[i]) * (1.0 + SAME):
+        if rises(before, after, i):
             sums = np.zeros((int(index.max()) + 1, len(inside)))
             np.add.at(sums, index, problem.raw[i])
             means = (sums / np.bincount(index)[:, None])[index]
@@ -88,9 +88,10 @@ def never_above(judge: WholePlotJudge, before: Estimate, after: Estimate) -> Est
     return replace(after, fits=tuple(fits))
 
 
-def _all(fit: SplitPlotFit) -> float:
-    """Error of all strata, mV."""
-    return float(np.hypot(fit.sigma_subplot, fit.sigma_wholeplot))
+def rises(before: Estimate, after: Estimate, i: int) -> bool:
+    """Whether the error of all strata of transducer `i` is above that before."""
+    old, new = (float(np.hypot(one.fits[i].sigma_subplot, one.fits[i].sigma_wholeplot)) for one in (before, after))
+    return new > old * (1.0 + SAME)
 
 
 def design_of(problem: Problem, columns: FloatArray, names: tuple[str, ...]) -> SplitPlotDesign:

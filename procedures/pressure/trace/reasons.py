@@ -54,7 +54,7 @@ class Run:
         settled: the search, with its final weights, and the noise with the effects.
         before: the declared model.
         after: the same with the effects.
-        stated: the same with no error above that before.
+        stated: the same as it is stated, see `left_to_plots`.
         cv: (2, S) error of left-out whole plots, before and after.
         refused: causes that would fit, except for their required sign.
     """

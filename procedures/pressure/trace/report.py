@@ -21,7 +21,7 @@ from rig.fitter.trace.outcome import CONDITIONAL, Finding, remains
 from rig.fitter.trace.shares import of_rest, shares, unnamed_part
 from rig.procedures.pressure.effects.scene import PressureEffect, PressureTerm
 from rig.procedures.pressure.effects.separation import separate_pressure
-from rig.procedures.pressure.trace.estimate import Estimate, error_of
+from rig.procedures.pressure.trace.estimate import Estimate, error_of, rises
 from rig.procedures.pressure.trace.noise_report import noise_findings
 from rig.procedures.pressure.trace.reasons import UNEXPLAINED, Run, doubt
 from rig.procedures.pressure.trace.remainder import reading_error_pct
@@ -35,6 +35,10 @@ DIFFERENT = 0.01
 LEFT_TO_PLOTS = (
     "the errors after have only the part within whole plots of what was found there: its part between them happens to "
     "raise the error between whole plots, and is left to it"
+)
+RISES = (
+    "the error of all whole plots and readings together is above that before: what was found lowers the error of its "
+    "own stratum, or of other transducers"
 )
 LEAVING_OUT = "each whole plot in turn left out of selection and fit, its error predicted as zero"
 
@@ -75,6 +79,7 @@ def transducer(run: Run, i: int) -> TransducerTrace:
             *(one.sentence for one in run.settled.not_kept if one.sensor in (None, sensor)),
             *map(for_others, idle),
             *([LEFT_TO_PLOTS] if run.stated.fits[i] is not run.after.fits[i] else []),
+            *([RISES] if rises(run.before, run.stated, i) else []),
             *(one.sentence for one in refused),
             *_notes(run, before, after, effects, i),
         ),

@@ -19,7 +19,7 @@ from rig.procedures.pressure.effects.scene import PressureEffect, PressureScene
 from rig.procedures.pressure.fit import HIERARCHICAL, named_formula
 from rig.procedures.pressure.fit.models import check_determined
 from rig.procedures.pressure.trace.agreement import named
-from rig.procedures.pressure.trace.estimate import contributed, estimate, never_above
+from rig.procedures.pressure.trace.estimate import contributed, estimate, left_to_plots
 from rig.procedures.pressure.trace.judge import WholePlotJudge
 from rig.procedures.pressure.trace.problem import pose
 from rig.procedures.pressure.trace.reasons import Run
@@ -69,7 +69,7 @@ def trace_whole_plots(
         settled=settled,
         before=before,
         after=after,
-        stated=never_above(judge, before, after),
+        stated=left_to_plots(judge, before, after),
         cv=left_out(judge, found) if validate else None,
     )
     told = replace(told, refused=refusals(judge, found, told.classes, scene.sensitivity))
