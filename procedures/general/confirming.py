@@ -49,8 +49,8 @@ NOT_OURS = (
 
 def cannot_confirm(table: Table, options: TraceOptions) -> str:
     """Why no further run can confirm the findings in a run; see `rig.procedures.kind.Kind.cannot_confirm`."""
-    for failed in without_readings(table).values():
-        return f"{failed.partition(',')[0]}, since a channel failed: make the run again, and trace and confirm that"
+    if lacks := without_readings(table):
+        return f"{', '.join(lacks.values())}, since a channel failed: make the run again, and trace and confirm that"
     others = options.model_fields_set - {"response", "formula", "ignore"}
     asked = None if others else RunModels.of(table, options.response, options.formula)
     if asked is None:

@@ -42,7 +42,7 @@ def general_evaluation(
         raise DataError(f"{table.source}: budgets are made of runs, whose bench says what reads what")
     if lacks := without_readings(table):
         raise DataError(
-            f"{table.source}: {next(iter(lacks.values())).partition(',')[0]}, since a channel failed: a budget needs a "
+            f"{table.source}: {', '.join(lacks.values())}, since a channel failed: a budget needs a "
             "reading of every output in every row; `rig fit` evaluates each output by the rows that it has"
         )
     _check_names(table, at)

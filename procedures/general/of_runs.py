@@ -33,6 +33,7 @@ from rig.procedures.tables.table import Reader, Table
 from rig.procedures.tables.unused import RECORDED
 
 _WHOLE_PLOT, _REPLICATE, _TIME, _BLOCK = "whole_plot", "replicate", "elapsed_s", "block"
+_LEFT_OUT = "and is evaluated without them"
 _FLAGS = {
     "missing": "since a channel failed",
     "reference": "since the reference standard read something else than was set",
@@ -105,12 +106,12 @@ def reader_of(table: Table) -> Reader:
 
 
 def without_readings(table: Table) -> dict[str, str]:
-    """A sentence for every output whose channel failed in some of the rows of a run, by output."""
+    """By output, that its channel failed in some of the rows of a run, in words; {} where none has."""
     found = {}
     for output in table.outputs:
         values = table.columns.get(output, np.empty(0))
         if count := int(np.count_nonzero(~np.isfinite(values))):
-            found[output] = f"{output} has no reading in {count} of {len(table)} rows, and is evaluated without them"
+            found[output] = f"{output} has no reading in {count} of {len(table)} rows"
     return found
 
 
@@ -154,7 +155,7 @@ def notes_of(table: Table) -> tuple[str, ...]:
     told = []
     if _WHOLE_PLOT in table.columns and not has_whole_plots(table):
         told.append("every whole plot has one reading: its error is a part of that of the row, and was not separated")
-    told += without_readings(table).values()
+    told += [f"{failed}, {_LEFT_OUT}" for failed in without_readings(table).values()]
     flags: Mapping[str, int] = table.provenance.get("flags", {})
     for flag, count in flags.items():
         rows = "1 row is" if count == 1 else f"{count} rows are"
@@ -303,7 +304,7 @@ def trace_run(
 def with_failures(traced: GeneralTraced, run: Table) -> GeneralTraced:
     """The trace of an output of a run, which says where its channel failed."""
     failed = without_readings(run).get(traced.roles.response)
-    return traced if failed is None else replace(traced, taken=(*traced.taken, failed))
+    return traced if failed is None else replace(traced, taken=(*traced.taken, f"{failed}, {_LEFT_OUT}"))
 
 
 def roles_of_run(asked: RunModels, ignore: Sequence[str] = ()) -> dict[str, Roles]:

@@ -115,13 +115,15 @@ class BenchActions:
         return f"{'; '.join(told)}, for {duration(self._clock.now() - began)}"
 
     def _instrument_of(self, name: str) -> str:
-        """The instrument that sets or reads a quantity that settles."""
+        """The instrument that sets or reads a quantity that settles; "" if none of the bench does."""
         bench = self._bench
         set_by = {stem_of(factor): by for factor, by in bench.config.setters.items()}
         read_by = {column: reader for column, (reader, _) in bench.temperatures.items()}
         own = {one: one for one in bench.instruments}
         found = {**own, **{f"{one}_degC": one for one in own}, **read_by, **set_by}.get(name)
-        return found or next((one for one, instrument in bench.instruments.items() if isinstance(instrument, Head)), "")
+        if found or name not in self.axis_names:
+            return found or ""
+        return next((one for one, instrument in bench.instruments.items() if isinstance(instrument, Head)), "")
 
     def rest(self, seconds: float) -> None:
         """Let this bench time pass."""

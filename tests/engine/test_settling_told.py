@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import create_autospec
 
 import general_lab as lab
 import pytest
 
 from rig.drivers.clock import RealClock
+from rig.drivers.roles import Head
+from rig.engine.actions import BenchActions
 from rig.engine.session import Progress
 from rig.procedures.present.blocks import Block, Line
 from rig.procedures.present.durations import duration
@@ -49,3 +53,13 @@ def test_status_says_what_settles(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert {key: shown[key] for key in ("name", "by", "for_s")} == {key: one[key] for key in ("name", "by", "for_s")}
     on_way = r"input \(calibrator\) at -?[0-9.e-]+ V, on its way to -?[0-9]+, for [1-9][0-9.]* s"
     assert re.fullmatch(on_way, moving[-1])
+
+
+def test_a_quantity_that_nothing_on_the_bench_sets_or_reads_is_nobodys() -> None:
+    """A thermometer of a person was said to be the head's."""
+    head = create_autospec(Head, instance=True)
+    config = SimpleNamespace(setters={"input_V": "calibrator"})
+    bench = SimpleNamespace(config=config, temperatures={"oven_degC": ("meter", "1")}, instruments={"stage": head})
+    own: Any = SimpleNamespace(_bench=bench, axis_names=("pitch", "roll"))
+    names = ("pitch", "input", "oven_degC", "room_degC")
+    assert [BenchActions._instrument_of(own, name) for name in names] == ["stage", "calibrator", "meter", ""]

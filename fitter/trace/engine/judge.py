@@ -10,7 +10,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Rival
+from rig.fitter.trace.aliases import DELTA, Rival
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.family import CERTAIN, TableFamily, evidence, family_of, least_of
 from rig.fitter.trace.engine.lengths import Simulated
@@ -19,7 +19,7 @@ from rig.fitter.trace.engine.models import Key, Models
 from rig.fitter.trace.engine.noise import BoolArray
 from rig.fitter.trace.engine.problem import Candidate, Problem
 from rig.fitter.trace.engine.rivalry import Rivalry, Trial, possible, possible_of
-from rig.fitter.trace.engine.rivals import rivals
+from rig.fitter.trace.engine.rivals import lead, rivals
 from rig.fitter.trace.engine.robust import isolated
 from rig.fitter.trace.engine.score import Scores, View, ranked, score
 
@@ -41,12 +41,8 @@ PAIRED = 3
 """Number of effects in time that are tried in pairs if none is significant by itself. Each of two has to be significant
 beside the other, one of them by this factor more, because of the number of trials.
 """
-ALIKE = 4.0
-"""Difference of twice the log-likelihood up to which the order of the catalogue decides."""
 WALKS: tuple[Rivalry, ...] = ("fast", "slow")
 """Rivals of an effect that is ahead of every slow walk: noise of short memory, and such walks."""
-SHAPES = ("kink", "clip", "square-root")
-"""Kinds of curves that are not named after a power where they are more probable than it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,21 +191,8 @@ class TableJudge:
         return self.rivals(chosen, effect)
 
     def lead(self, found: Sequence[Rival]) -> Rival:
-        """The most probable of the indistinguishable explanations, by `costs`.
-
-        Among about equally probable ones the first in the catalogue; but a curve of `SHAPES` that is more probable than
-        that leads: a power in its place is far off near a bend.
-        """
-        cost = self.costs(found)
-        least = min(cost.values())
-        first = min((r for r in cost if cost[r] - least < ALIKE), key=lambda r: min(r.terms))
-        shapes = [r for r in cost if self.candidates[r.terms[0]].effect.kind.name in SHAPES]
-        return min([first, *shapes], key=lambda r: cost[r])
-
-    def costs(self, found: Sequence[Rival]) -> dict[Rival, float]:
-        """Minus twice the log-likelihood of each alias, but for a constant, with its columns' price by Schwarz."""
-        extra = np.log(self.problem.n) - PER_COLUMN
-        return {r: r.sigmas**2 + extra * sum(self.candidates[j].term.price for j in r.terms) for r in found if r.alias}
+        """The most probable of the indistinguishable explanations."""
+        return lead(self.problem, found)
 
     def beside(self, chosen: tuple[int, ...], extra: FloatArray | None = None) -> Likelihoods:
         """Likelihoods of common noise of rows, with the declared columns, those `chosen`, and `extra` ones (n, d)."""

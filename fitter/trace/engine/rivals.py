@@ -14,6 +14,29 @@ from rig.fitter.trace.engine.score import View
 
 CLOSEST = 6
 """Number of effects tried with several terms if the found effect has several."""
+ALIKE = 4.0
+"""Difference of twice the log-likelihood up to which the order of the catalogue decides."""
+SHAPES = ("kink", "clip", "square-root")
+"""Kinds of curves that are not named after a power where they are more probable than it."""
+
+
+def costs(problem: Problem, found: Sequence[Rival]) -> dict[Rival, float]:
+    """Minus twice the log-likelihood of each alias, but for a constant, with its columns' price by Schwarz."""
+    extra = np.log(problem.n) - PER_COLUMN
+    return {r: r.sigmas**2 + extra * sum(problem.candidates[j].term.price for j in r.terms) for r in found if r.alias}
+
+
+def lead(problem: Problem, found: Sequence[Rival]) -> Rival:
+    """The most probable of the indistinguishable explanations, by `costs`.
+
+    Among about equally probable ones the first in the catalogue; but a curve of `SHAPES` that is more probable than
+    that leads: a power in its place is far off near a bend.
+    """
+    cost = costs(problem, found)
+    least = min(cost.values())
+    first = min((r for r in cost if cost[r] - least < ALIKE), key=lambda r: min(r.terms))
+    shapes = [r for r in cost if problem.candidates[r.terms[0]].effect.kind.name in SHAPES]
+    return min([first, *shapes], key=lambda r: cost[r])
 
 
 def rivals(problem: Problem, view: View, y: FloatArray, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:

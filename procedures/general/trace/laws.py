@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rig.fitter.trace.doubts import another_law
-from rig.fitter.trace.engine.judge import ALIKE
+from rig.fitter.trace.engine.rivals import ALIKE, costs
 from rig.fitter.trace.search import names_of
 from rig.procedures.general.effects.of_settings import CLIP, KINK
 from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
@@ -21,7 +21,7 @@ def other_laws(unmodelled: UnmodelledSmooth) -> dict[str, str]:
     for name in names_of(judge.candidates, chosen) if unmodelled.able else ():
         every = [
             (cost, judge.candidates[rival.terms[0]].effect)
-            for rival, cost in judge.costs(judge.rivals(chosen, name)).items()
+            for rival, cost in costs(judge.problem, judge.rivals(chosen, name)).items()
         ]
         own = next((one for one in every if one[1].name == name), None)
         if own is None or own[1].source != "setting" or own[1].family != CURVES:
