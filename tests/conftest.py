@@ -6,7 +6,8 @@ import os
 import resource
 import signal
 import sys
-from collections.abc import Generator
+import threading
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
@@ -75,6 +76,15 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
         if times is not None:
             with times.open("a", encoding="utf-8") as file:
                 file.write(f"{_processor_s() - before:.3f} {item.nodeid}\n")
+
+
+@pytest.fixture(autouse=True)
+def no_thread_stays() -> Iterator[None]:
+    """A server that a test leaves behind may take the processor from all tests after it, and once did."""
+    before = set(threading.enumerate())
+    yield
+    stays = [one for one in threading.enumerate() if one not in before and "serve_forever" in one.name]
+    assert not stays, f"still serving: {stays}"
 
 
 def _processor_s() -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, NoReturn, cast
 
 from rig.drivers.clock import Clock
@@ -30,6 +30,8 @@ Tap = Callable[[str, str, bytes], None]
 
 _OPEN_ERRORS: tuple[type[Exception], ...] = (*PORT_ERRORS, ValueError)
 _WRITE_TIMEOUT_S = 5.0  # flow control may hold up a port for ever
+QUIET_S = 0.3
+"""Bench seconds of silence, if a driver does not say otherwise: longer than any pause within an answer."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class SerialSettings:
     send_end: bytes = b"\n"
     reply_end: bytes = b"\n"
     timeout_s: float = 1.0
-    quiet_s: float = 0.3
+    quiet_s: float = field(default_factory=lambda: QUIET_S)
     sync: tuple[str, str] | None = None
     encoding: Literal["ascii", "utf-8", "latin-1"] = "ascii"
 

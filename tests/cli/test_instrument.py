@@ -8,11 +8,11 @@ import signal
 import socketserver
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import pytest
 from command import rig
+from fake_lines import answering
 from test_declared import BATH
 
 from rig.contracts.declared.beside import with_dbc
@@ -54,12 +54,8 @@ def stranger():
                     }
                     self.wfile.write(f"{said.get(word, f'{state[chr(111) + chr(110)]:.0f}')}\r\n".encode())
 
-    server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), Lines)
-    server.daemon_threads = True
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    yield f"socket://127.0.0.1:{server.server_address[1]}", heard
-    server.shutdown()
-    server.server_close()
+    with answering(Lines) as port:
+        yield f"socket://127.0.0.1:{port}", heard
 
 
 def test_a_file_is_held_against_its_twin_with_a_report(file, tmp_path):
@@ -258,10 +254,8 @@ def test_a_silent_address_is_said_after_each_question_was_sent_once(monkeypatch)
                 heard.extend(data)
 
     monkeypatch.setattr("rig.verbs.instrument.scan.LISTENS_S", 0.05)
-    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Silent) as server:
-        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
-        done = rig("instrument", "scan", f"socket://127.0.0.1:{server.server_address[1]}")
-        server.shutdown()
+    with answering(Silent) as port:
+        done = rig("instrument", "scan", f"socket://127.0.0.1:{port}")
     assert done.returncode == 1
     assert "is silent: nothing came back to" in done.stderr
     assert "nobody answers who is known" not in done.stderr

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import socketserver
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import reduce
@@ -11,6 +10,7 @@ from functools import reduce
 import pytest
 from command import rig
 from declared_bench import DeclaredBench
+from fake_lines import answering
 
 from rig.bench.plugins import driver_class
 from rig.contracts.declared.instrument import parse
@@ -281,11 +281,8 @@ class _Fake(socketserver.BaseRequestHandler):
 
 @contextmanager
 def fake() -> Iterator[str]:
-    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), _Fake) as server:
-        server.daemon_threads = True
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"socket://127.0.0.1:{server.server_address[1]}"
-        server.shutdown()
+    with answering(_Fake) as port:
+        yield f"socket://127.0.0.1:{port}"
 
 
 FAKE = r"""send_end = ""

@@ -5,8 +5,10 @@ from __future__ import annotations
 import socketserver
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 
 import pytest
+from fake_lines import answering
 
 from rig.bench.bench_file import check_options
 from rig.bench.config import parse_bench
@@ -78,10 +80,8 @@ class Line:
                         self.wfile.write(f"{said}\n".encode())
                 ended.set()
 
-        self.server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), Lines)
-        self.server.daemon_threads = True
-        threading.Thread(target=self.server.serve_forever, daemon=True).start()
-        self.address = f"socket://127.0.0.1:{self.server.server_address[1]}"
+        self.served = ExitStack()
+        self.address = f"socket://127.0.0.1:{self.served.enter_context(answering(Lines))}"
 
     @staticmethod
     def talking(out, ended: threading.Event, talk: Callable[[], str]) -> None:
@@ -92,8 +92,7 @@ class Line:
                 return
 
     def close(self) -> None:
-        self.server.shutdown()
-        self.server.server_close()
+        self.served.close()
 
 
 @pytest.fixture

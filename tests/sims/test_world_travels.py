@@ -7,13 +7,13 @@ import json
 import signal
 import socket
 import socketserver
-import threading
 import tomllib
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from command import rig
+from fake_lines import answering
 from test_scpi_described import METER, Bench
 
 from proving.crashes.kills import rig as process
@@ -137,13 +137,11 @@ def test_a_bench_that_was_not_started_anew_is_changed_already(steps, heard):
             lines.append(json.loads(self.rfile.readline()))
             self.wfile.write(f"{steps}\n".encode())
 
-    with socketserver.TCPServer(("127.0.0.1", 0), Told) as server:
-        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
-        bench = ServedBench(f"127.0.0.1:{server.server_address[1]}")
+    with answering(Told) as port:
+        bench = ServedBench(f"127.0.0.1:{port}")
         for change in "ab":
             bench.recall(change, None)
         bench.done("c", None)
-        server.shutdown()
     assert [line.get("change", line) for line in lines] == heard
 
 

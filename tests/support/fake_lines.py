@@ -1,4 +1,4 @@
-"""An instrument of no twin of this project: a loopback socket whose answers a function of a test gives."""
+"""Instruments of no twin of this project: loopback sockets whose answers a test gives."""
 
 from __future__ import annotations
 
@@ -6,6 +6,38 @@ import socketserver
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
+
+import pytest
+
+S = TypeVar("S", bound=socketserver.BaseServer)
+
+
+@contextmanager
+def serving(server: S) -> Iterator[S]:
+    """A server, which answers until the block ends, by whatever: one whose socket is closed under it asks for
+    connections for ever, at the cost of a processor.
+    """
+    thread = threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True)
+    thread.start()
+    try:
+        yield server
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+
+
+@contextmanager
+def answering(handler: type[socketserver.BaseRequestHandler]) -> Iterator[int]:
+    """The port at which a class answers, each connection in a thread. Lines that are opened meanwhile need less silence
+    than a third of a second, since what answers from this machine does not pause.
+    """
+    server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), handler)
+    server.daemon_threads = True
+    with serving(server), pytest.MonkeyPatch.context() as patch:
+        patch.setattr("rig.drivers.wires.serial_port.QUIET_S", 0.06)
+        yield server.server_address[1]
 
 
 @contextmanager
@@ -35,8 +67,5 @@ def served(
                     if more := later(line.decode("latin-1")):
                         threading.Timer(after_s, self.request.sendall, (more,)).start()
 
-    with socketserver.ThreadingTCPServer(("127.0.0.1", 0), Lines) as server:
-        server.daemon_threads = True
-        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
-        yield f"socket://127.0.0.1:{server.server_address[1]}"
-        server.shutdown()
+    with answering(Lines) as port:
+        yield f"socket://127.0.0.1:{port}"

@@ -10,9 +10,11 @@
 from __future__ import annotations
 
 import socketserver
-import threading
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import ClassVar
+
+from fake_lines import answering
 
 
 class Foreign:
@@ -39,15 +41,13 @@ class Foreign:
         self.values: Callable[[float], float] = lambda true: true
         self.heard: Callable[[str], None] = lambda command: None
         self.printed: Callable[[str], str] = lambda text: text
-        self._servers = [self._serve(self._source), self._serve(self._meter)]
-        self.ports = [server.server_address[1] for server in self._servers]
+        self._served = ExitStack()
+        self.ports = [self._serve(self._source), self._serve(self._meter)]
 
     def close(self) -> None:
-        for server in self._servers:
-            server.shutdown()
-            server.server_close()
+        self._served.close()
 
-    def _serve(self, answer: Callable[[str, dict[str, str]], str | None]) -> socketserver.ThreadingTCPServer:
+    def _serve(self, answer: Callable[[str, dict[str, str]], str | None]) -> int:
         class Lines(socketserver.StreamRequestHandler):
             status: ClassVar = {"*ESE": "0", "*SRE": "0", "*PSC": "1"}
 
@@ -58,10 +58,7 @@ class Foreign:
                     if said:
                         self.wfile.write((";".join(said) + "\r\n").encode())
 
-        server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), Lines)
-        server.daemon_threads = True
-        threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
-        return server
+        return self._served.enter_context(answering(Lines))
 
     def _common(self, command: str, status: dict[str, str], identity: str) -> str | None:
         name, _, value = command.partition(" ")

@@ -16,9 +16,10 @@ from types import SimpleNamespace
 import pytest
 from command import rig
 from dry import LAB
+from fake_lines import answering, serving
 from foreign_instruments import BENCH, Foreign
 from small_run import write_small
-from test_notify import Hook, serving
+from test_notify import Hook
 
 from rig.bench.config import BenchConfig
 from rig.drivers.wires.addresses import parse_address
@@ -175,10 +176,8 @@ class Meter(socketserver.StreamRequestHandler):
 @pytest.fixture
 def meter():
     Meter.told = []
-    server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), Meter)
-    server.daemon_threads = True
-    with serving(server):
-        yield f"socket://127.0.0.1:{server.server_address[1]}"
+    with answering(Meter) as port:
+        yield f"socket://127.0.0.1:{port}"
 
 
 def test_every_instrument_is_asked_who_it_is_and_told_nothing_else(meter):

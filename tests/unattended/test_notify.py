@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import contextlib
 import email.header
 import email.policy
 import http.server
@@ -17,6 +16,7 @@ from pathlib import Path
 import pytest
 from command import rig
 from dry import LAB
+from fake_lines import serving
 from small_run import write_small
 
 from rig.engine.session import Progress
@@ -32,18 +32,6 @@ HELD = Happening(Kind.HOLD, "warning", "held at point 17: no reply from the head
 
 def channel(**values):
     return NotifySettings.model_validate({"channel": [values]}).channel[0]
-
-
-@contextlib.contextmanager
-def serving(server):
-    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
-    thread.start()
-    try:
-        yield server
-    finally:
-        server.shutdown()
-        thread.join()
-        server.server_close()
 
 
 class MailServer(socketserver.ThreadingTCPServer):
