@@ -112,6 +112,14 @@ class Growth:
         """(2,) standard deviation at the lowest value or in the middle, and at the highest value."""
         return self.noise.sd(np.array([self.noise.middle or 0.0, 1.0]))
 
+    def told(self, where: str, scale: float = 1.0, unit: str = "") -> tuple[dict[str, float], str]:
+        """Standard deviations at both ends of `where`, or in its middle and at its ends; and these in words."""
+        (low, high), (first, last) = self.span, self.ends.tolist()
+        ends = f"{low:.4g} and {high:.4g}", f"{(low + high) / 2.0:.4g}"
+        at, to = (f"{low:.4g}", f"{high:.4g}") if self.noise.middle is None else ends[::-1]
+        size = f"sd {scale * first:.3g}{unit} at {where} {at}, {scale * last:.3g}{unit} at {to}"
+        return {f"sd at {at}": first, f"sd at {to}": last}, size
+
 
 @dataclass(frozen=True, eq=False)
 class OfLevels:

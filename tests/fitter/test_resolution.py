@@ -12,7 +12,7 @@ from proving.truth.attitude import simulate as attitude
 from proving.truth.whole_plot import simulate as whole_plots
 from rig.fitter.resolution import least_sd, resolution, robust_sd
 from rig.fitter.trace.engine.robust import excess, scale
-from rig.procedures.attitude.trace.outliers import outliers
+from rig.procedures.attitude.trace.noise import alone
 from rig.procedures.general.column_roles import Roles
 from rig.procedures.general.evaluate import trace_general_table
 from rig.procedures.general.gross import of_table
@@ -108,7 +108,7 @@ def test_rounded_readings_of_attitude_are_no_outliers(sd):
     clean = attitude(Bench(sigma_deg=1e-12), D1(180, 9, 9), 8)[0]
     data = replace(data, outputs=rounded)
     residual = np.stack([data.outputs[name] - clean.outputs[name] for name in data.outputs])
-    assert not outliers(data, residual)[0].size
+    assert not np.any(alone(data, residual))
 
 
 @pytest.mark.parametrize("sd", SDS)

@@ -56,6 +56,18 @@ def test_readings_far_off_make_no_effect():
     assert set(found.outliers) == {5, 400}
 
 
+def test_gross_errors_of_two_sensors_of_a_small_run_are_said_in_each():
+    """Four readings of 364 were more than a share of all, together: nothing was said of them."""
+    data, _ = simulate(sized("cube", 1.0, PLAN), PLAN, seed=3)
+    y = data.outputs["y_V"].copy()
+    y[[40, 200]] += 40.0 * SIGMA_V
+    spoilt = with_outliers(replace(data, outputs={**data.outputs, "y_V": y}), [17, 311], [60.0, -25.0])
+    found = trace(spoilt, validate=False)
+    assert names(found) == {(X, "sensor-third-order")}
+    assert noise(found) == {(X, "outliers"), ("y_V", "outliers")}
+    assert set(found.outliers) == {17, 40, 200, 311}
+
+
 def test_a_head_that_shakes_is_said_to_make_noise_that_grows_with_the_slope():
     found = trace(simulate(Bench(jitter_deg=3e-4), D1(180, 13, 13), seed=1)[0], validate=False)
     assert names(found) == set()

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.effects.noise_names import OUTLIERS
 from rig.fitter.resolution import least_robust_sd, robust_sd
+from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.limits import limit
 
 ALONE = 4.5
@@ -48,25 +52,64 @@ def isolated(
     off = np.zeros_like(y)
     for _ in range(AGAIN):
         before, left = off, y - basis @ (basis.T @ (y - off))
-        off = (
-            excess(left, ordered=ordered, step=step, near=near) if group is None else _in_groups(left, step, group, sd)
-        )
+        off = excess(left, ordered=ordered, step=step, near=near) if group is None else in_groups(left, step, group, sd)
         if np.allclose(off, before, rtol=SAME, atol=0.0):
             break
     return off
 
 
-def _in_groups(left: FloatArray, step: FloatArray | float, group: IntArray, sd: FloatArray) -> FloatArray:
-    """(n,) reduction of isolated residuals beside the others of their group; of more than a few, none.
+def in_groups(
+    left: FloatArray, step: FloatArray | float, group: IntArray, sd: FloatArray, most: float = MOST
+) -> FloatArray:
+    """(n,) reduction of isolated residuals beside the others of their group; of more than a share of `most`, none.
 
     On the scale of a quantile of all: an effect that the model lacks is larger in some rows of each group.
     """
-    whole = left * sd
-    left = left - np.array([np.median(whole[group == k]) for k in range(int(group.max()) + 1)])[group] / sd
+    left = left - _medians(left * sd, group)[group] / sd
     usual = robust_sd(left, step, INSIDE)
     held = np.clip(left, -HELD * usual, HELD * usual)
     off = np.where(np.abs(left) > _limit(len(left)) * usual, left - held, 0.0)
-    return off if np.count_nonzero(off) <= max(MOST * len(left), 1.0) else np.zeros_like(left)
+    return off if np.count_nonzero(off) <= max(most * len(left), 1.0) else np.zeros_like(left)
+
+
+def _medians(values: FloatArray, group: IntArray) -> FloatArray:
+    """Median of each group."""
+    ordered, count = values[np.lexsort((values, group))], np.bincount(group)
+    first = np.cumsum(count) - count
+    return np.asarray(0.5 * (ordered[first + (count - 1) // 2] + ordered[first + count // 2]))
+
+
+def told(
+    off: FloatArray, deviation: FloatArray, error: FloatArray, df: float, sensors: int, place: Callable[[int], str]
+) -> dict[str, Any] | None:
+    """Attributes of the finding about rows of a sensor that are reduced; None where there are none beyond chance.
+
+    Args:
+        off: (n,) reduction of each row, zero for most.
+        deviation: (n,) of each row from the model, before it is reduced.
+        error: (n,) standard deviation of each row.
+        df: degrees of freedom of that.
+        sensors: of the run, each of which is asked.
+        place: words for a row.
+
+    """
+    rows = np.flatnonzero(off)
+    rows = rows[np.argsort(-np.abs(deviation[rows] / error[rows]), kind="stable")]
+    sd = np.abs(deviation[rows] / error[rows])
+    p = min(2.0 * float(special.stdtr(df, -sd[0])) * off.size * sensors, 1.0) if rows.size else 1.0
+    if p > ALPHA:
+        return None
+    return {
+        "effect": OUTLIERS,
+        "cause": "readings that no scatter of the others explains; each counts as three standard deviations in the "
+        "search and in the fits here",
+        "terms": tuple(place(row) for row in rows.tolist()),
+        "coefficients": tuple(deviation[rows].tolist()),
+        "size": f"{rows.size} of {off.size} readings, up to {sd[0]:.3g} sd",
+        "p": p,
+        "separate_by": "look in the log at these readings, and repeat them",
+        "against": "elapsed_s",
+    }
 
 
 def excess(

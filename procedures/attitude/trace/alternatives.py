@@ -9,7 +9,6 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.aliases import Rival
-from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.trace.estimate import Estimate, coefficients
 from rig.procedures.attitude.trace.problem import Problem, raw_columns
 
@@ -32,16 +31,13 @@ class Alternative:
     effects: Volts
 
 
-def alternatives(
-    problem: Problem, after: Estimate, classes: Mapping[str, Sequence[Rival]], data: AttitudeData
-) -> tuple[Alternative, ...]:
+def alternatives(problem: Problem, after: Estimate, classes: Mapping[str, Sequence[Rival]]) -> tuple[Alternative, ...]:
     """One for every unnamed member of every class, with the other effects as named.
 
     Args:
-        problem: the run, without outliers.
+        problem: the run.
         after: the findings.
         classes: all explanations of each effect found, by its name.
-        data: the observations for contributions in volts.
     """
     out = []
     for name, explanations in classes.items():
@@ -50,13 +46,13 @@ def alternatives(
             if rival.alias and rival.effect != name:
                 chosen = (*rest, *rival.terms)
                 gamma = coefficients(problem, chosen).value
-                out.append(Alternative(name, rival.effect, volts(problem, chosen, gamma, data)))
+                out.append(Alternative(name, rival.effect, volts(problem, chosen, gamma)))
     return tuple(out)
 
 
-def volts(problem: Problem, chosen: tuple[int, ...], gamma: FloatArray, data: AttitudeData) -> Volts:
+def volts(problem: Problem, chosen: tuple[int, ...], gamma: FloatArray) -> Volts:
     """(n, p) contribution of the terms of each effect, with these coefficients (q,), to each sensor's output."""
-    raw = raw_columns(problem.scene.on(data), [problem.candidates[j] for j in chosen])
+    raw = raw_columns(problem.scene, [problem.candidates[j] for j in chosen])
     out: dict[str, dict[str, FloatArray]] = {}
     for name in dict.fromkeys(problem.candidates[j].effect.name for j in chosen):
         own = [k for k, j in enumerate(chosen) if problem.candidates[j].effect.name == name]

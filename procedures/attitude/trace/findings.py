@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.replication import Replication
 from rig.fitter.trace.aliases import Rival, separation
@@ -30,8 +30,7 @@ from rig.procedures.attitude.trace.fine import turns_with
 from rig.procedures.attitude.trace.grid import same_on_grid
 from rig.procedures.attitude.trace.judge import AttitudeJudge
 from rig.procedures.attitude.trace.levels import LEVELS
-from rig.procedures.attitude.trace.noise import noise_findings, outlier_finding
-from rig.procedures.attitude.trace.outliers import outliers
+from rig.procedures.attitude.trace.noise import alone_finding, noise_findings
 from rig.procedures.attitude.trace.problem import Problem, raw_columns
 from rig.procedures.attitude.trace.remainder import shared_attitude, strongest_wave
 from rig.procedures.attitude.trace.result import FoundEffect, SensorTrace, side
@@ -50,7 +49,7 @@ sensor with the largest size.
 def sensor_trace(
     judge: AttitudeJudge,
     whole: AttitudeData,
-    aside: IntArray,
+    off: FloatArray,
     not_kept: tuple[NotKept, ...],
     before: Estimate,
     after: Estimate,
@@ -65,9 +64,9 @@ def sensor_trace(
     """Findings in sensor `i`.
 
     Args:
-        judge: of the run without its outliers, after the search.
-        whole: the run.
-        aside: rows of the outliers.
+        judge: of the run after the search.
+        whole: the run as it was read.
+        off: (S, n) by how much readings that stand alone are reduced in the judge's, V.
         not_kept: candidates of any sensor that were not kept.
         before: the declared model.
         after: the same with the findings.
@@ -87,7 +86,7 @@ def sensor_trace(
     rest = _unnamed(problem, after, unmodelled, i)
     own = (judge.candidates[j].effect for j in after.chosen)
     slow = {effect.name for effect in own if effect.against == "elapsed_s" and effect.scope != "package"}
-    shown = [e for name in classes if (e := _found(judge, whole, after, classes[name], name, i)) is not None]
+    shown = [e for name in classes if (e := _found(judge, after, classes[name], name, i)) is not None]
     divided = _shares(problem, after, [effect.effect for effect in shown], unnamed_part(rest), i)
 
     def doubt(effect: Finding) -> str | None:
@@ -116,7 +115,11 @@ def sensor_trace(
         rows=(side(tables[0], errors[0], shared[0], S_V), side(tables[1], errors[1], shared[1], S_V)),
         cv_rms_before=errors[0],
         cv_rms_after=errors[1],
-        effects=(*effects, *noise_findings(problem, after, i), *_outliers(problem, whole, aside, after, i)),
+        effects=(
+            *effects,
+            *noise_findings(problem, after, i),
+            *alone_finding(problem, after, off, residual_of(problem, after, whole), i),
+        ),
         unnamed=unnamed,
         instead=drawn_instead(unmodelled, tuple(e.effect for e in effects if e.doubtful), i),
         refused=tuple(one for one in refused if sensor in one.sensors),
@@ -155,31 +158,8 @@ def _notes(tables: tuple[Replication, Replication], scene: Scene, *, found: bool
         yield "smooth terms without a cause are in the fit: they describe these points and explain nothing"
 
 
-def _outliers(
-    problem: Problem, whole: AttitudeData, aside: IntArray, after: Estimate, i: int
-) -> tuple[FoundEffect, ...]:
-    """The left-out readings of sensor `i`, and their influence on the fit."""
-    if not aside.size:
-        return ()
-    sd = outliers(whole, residual_of(problem, after, whole))[1][i]
-    own = aside[np.abs(sd[aside]) > SHOWS]
-    if not own.size:
-        return ()
-    h = problem.fits[problem.sensors[i]].columns(whole.pitch_deg, whole.roll_deg)
-    effects = raw_columns(problem.scene.on(whole), [problem.candidates[j] for j in after.chosen])[i]
-    columns = np.column_stack([h, effects[:, np.any(effects != 0, axis=0)]])
-    kept = np.setdiff1d(np.arange(len(whole)), aside)
-    spread = np.linalg.pinv(columns[kept].T @ columns[kept])
-    y = whole.outputs[problem.sensors[i]]
-    with_all = np.linalg.lstsq(columns, y, rcond=None)[0]
-    without = np.linalg.lstsq(columns[kept], y[kept], rcond=None)[0]
-    error = np.sqrt(_pure_variance(after.tables[i]) * np.maximum(np.diag(spread), np.finfo(float).tiny))
-    return (outlier_finding(problem, whole, own, sd, float(np.max(np.abs(with_all - without) / error)), i),)
-
-
 def _found(
     judge: AttitudeJudge,
-    whole: AttitudeData,
     after: Estimate,
     explanations: tuple[Rival, ...],
     name: str,
@@ -194,16 +174,15 @@ def _found(
     if not shown:
         return None
     effect = problem.candidates[picked[shown[0]]].effect
-    contribution = raw_columns(problem.scene, [problem.candidates[picked[k]] for k in mine])[i] @ after.gamma[mine]
+    columns = raw_columns(problem.scene, [problem.candidates[picked[k]] for k in mine])[i] * after.gamma[mine]
     formulas = [problem.candidates[picked[k]].term.as_formula(problem.scene, sensor) for k in shown]
     parts = {k: problem.candidates[picked[k]] for k in mine}
     own = {part.term.name: k for k, part in parts.items() if part.sensor in (None, sensor)}
     stratum = judge.stratum_of(after.chosen, picked[shown[0]])
     stderr = np.sqrt(np.diag(after.covariance))
-    shape = [problem.candidates[picked[k]] for k in mine]
     p = min(judge.p_adjusted(after.chosen, picked[k]) for k in shown)
     alike = [problem.candidates[r.terms[0]].effect for r in explanations if r.alias and r.effect != name]
-    peak = float(np.max(np.abs(contribution)))
+    peak = float(np.max(np.abs(columns.sum(axis=1))))
     gear = same_on_grid(name, problem.scene.data)
     further = experiments(effect, alike, separate) + ("" if gear is None else f"; {gear.separate_by}")
     return FoundEffect(
@@ -227,7 +206,7 @@ def _found(
         separation=separation(explanations, name),
         separate_by=f"{further}; it reaches {peak:.2g} V "
         f"({np.degrees(peak / problem.fits[sensor].parameters.S_V):.2g} deg) here",
-        columns_V=raw_columns(problem.scene.on(whole), shape)[i] * after.gamma[mine],
+        columns_V=columns,
         df=min(after.fits[i].df, *after.dfs[shown].tolist()),
         against=effect.against,
     )

@@ -1,4 +1,5 @@
-"""Findings about noise: a random walk of the offset, growing scatter, outliers.
+"""Findings about noise: a random walk of the offset, growing scatter, readings
+that stand alone.
 
 These findings have the stratum "noise". They limit the validity of other findings and of intervals; no column is added
 to the model for them.
@@ -9,17 +10,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy import special
 
-from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
-from rig.fitter.trace.chance import ALPHA, COUNTED
+from rig.fitter.arrays import FloatArray
+from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS
+from rig.fitter.resolution import resolution
+from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.engine.robust import in_groups, told
+from rig.fitter.trace.growing_noise import Growth, growth_of
+from rig.fitter.trace.limits import limit
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.trace.estimate import Estimate
 from rig.procedures.attitude.trace.problem import Problem, raw_columns
 from rig.procedures.attitude.trace.result import FoundEffect
 from rig.procedures.attitude.trace.score import errors, rounding, whiten
-from rig.procedures.attitude.trace.wander import walk_evidence
+from rig.procedures.attitude.trace.wander import of_all, walk_evidence
+
+FEW = limit("most outliers", "pitch-roll")
+"""Maximum share of readings that stand alone; more mean noise with long tails, or an effect."""
+REPLICATIONS = 3
+"""Minimum number of readings for a point's median; with fewer, readings are compared with the model alone."""
 
 
 def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[FoundEffect, ...]:
@@ -31,13 +40,13 @@ def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[FoundEffe
         return ()
     left = whiten(problem, problem.levels.of_error, after.chosen, sigma).outputs[i]
     # with a random walk squared residuals are not independent
-    found = _walk(problem, left, float(sigma[i]), i) or _growth(problem, after, left, float(sigma[i]), i)
+    found = _walk(problem, left, float(sigma[i]), i) or _growth(problem, after, left * sigma[i], i)
     return () if found is None else (found,)
 
 
 def _walk(problem: Problem, left: FloatArray, sigma: float, i: int) -> FoundEffect | None:
     p, step = walk_evidence(problem, left)
-    p_adjusted = min(p * len(problem.sensors) / COUNTED, 1.0)
+    p_adjusted = of_all(problem, p)
     if problem.wander[i] == 0 and p_adjusted > ALPHA:
         return None
     night = sigma * float(np.sqrt(max(step, problem.wander[i]) * len(left)))
@@ -63,45 +72,34 @@ def _drivers(problem: Problem, i: int) -> Mapping[str, tuple[str, FloatArray]]:
             np.hypot(scene.per_pitch(sensor), scene.per_roll(sensor) if scene.roll else 0.0),
         ),
         "gravity along the sensor": ("pitch_deg", np.abs(scene.along(sensor))),
-        "pitch off level": ("pitch_deg", np.abs(scene.data.pitch_deg)),
+        "pitch": ("pitch_deg", scene.data.pitch_deg),
         "time": ("elapsed_s", scene.hours()),
     }
     if scene.temperature_degC is not None:
         drivers["temperature"] = ("sensor_temperature_degC", scene.warmth())
-    return {name: driver for name, driver in drivers.items() if np.ptp(driver[1]) > 0}
+    return drivers
 
 
-def _growth(problem: Problem, after: Estimate, left: FloatArray, sigma: float, i: int) -> FoundEffect | None:
-    """The driver with the most significant relation to squared residuals, by Koenker's test (J. Econometrics 17 (1981)
-    107).
-    """
-    squares, drivers = left**2, _drivers(problem, i)
-    about, best = squares - squares.mean(), (1.0, "", 0.0)
-    for name, (_, value) in drivers.items():
-        x = value - value.mean()
-        correlation = float(x @ about) / float(np.sqrt((x @ x) * (about @ about)))
-        p = float(special.chdtrc(1, squares.size * correlation**2))
-        if p < best[0]:
-            best = p, name, float(x @ about / (x @ x))
-    p, name, slope = best
-    p_adjusted = min(p * len(drivers) * len(problem.sensors) / COUNTED, 1.0)
-    if not name or p_adjusted > ALPHA:
+def _growth(problem: Problem, after: Estimate, left: FloatArray, i: int) -> FoundEffect | None:
+    """Scatter that changes with one of the drivers."""
+    drivers, n = _drivers(problem, i), len(left)
+    share = np.full(n, problem.levels.df(problem.levels.of_error) / n)
+    found = growth_of(left, share, {name: v for name, (_, v) in drivers.items()}, sensors=len(problem.sensors))
+    if not isinstance(found, Growth):
         return None
-    against, value = drivers[name]
-    ends = 1.0 + slope * (np.quantile(value, [0.02, 0.98]) - value.mean()) / squares.mean()
-    low, high = (sigma * np.sqrt(np.maximum(ends, 0.0))).tolist()
-    least, most = np.quantile(_intervals(problem, after, squares / squares.mean(), i), [0.0, 1.0]).tolist()
+    terms, size = found.told(found.driver, 1e6, " uV")
+    least, most = np.quantile(_intervals(problem, after, left**2 / np.mean(left**2), i), [0.0, 1.0]).tolist()
     return FoundEffect.of_noise(
         effect=NOISE_GROWS,
-        cause=f"the scatter of readings changes with the {name}",
-        terms=(f"sd at the lowest {name}", f"sd at the highest {name}"),
-        coefficients=(low, high),
+        cause=f"the scatter of readings changes with the {found.driver}",
+        terms=tuple(terms),
+        coefficients=tuple(terms.values()),
         unit="V",
-        size=f"{1e6 * low:.3g} uV to {1e6 * high:.3g} uV; coefficients scatter by {least:.2f} to {most:.2f} times "
-        "their standard errors, which are computed with one sd for all",
-        p=p_adjusted,
+        size=f"{size}; coefficients scatter by {least:.2f} to {most:.2f} times their standard errors, which are "
+        "computed with one sd for all",
+        p=found.p,
         separate_by="read one point of each kind a hundred times",
-        against=against,
+        against=drivers[found.driver][0],
     )
 
 
@@ -122,33 +120,30 @@ def _intervals(problem: Problem, after: Estimate, squares: FloatArray, i: int) -
     return np.asarray(np.sqrt(weights**2 @ squares / np.sum(weights**2, axis=1)))
 
 
-def outlier_finding(
-    problem: Problem, whole: AttitudeData, rows: IntArray, sd: FloatArray, moved: float, i: int
-) -> FoundEffect:
-    """The outliers of sensor `i`.
+def alone(data: AttitudeData, residual: FloatArray) -> FloatArray:
+    """(S, n) reduction of readings that stand alone, V; zero for most.
+
+    A reading is compared with the median of its point over replications; of few replications with the model alone.
 
     Args:
-        problem: of the run without them.
-        whole: the run with them.
-        rows: (k,) outliers of sensor `i`, rows of the whole run.
-        sd: (n,) deviations, in standard deviations.
-        moved: change of the fit by them, in its standard errors.
-        i: the sensor.
+        data: the run.
+        residual: (S, n) of every sensor, V.
+
     """
-    worst = rows[np.argsort(-np.abs(sd[rows]))]
-    scale = float(errors(problem, ())[i])
-    where = tuple(
-        f"order {whole.order[r]} at pitch {whole.pitch_deg[r]:g} deg, roll {whole.roll_deg[r]:g} deg" for r in worst
-    )
-    return FoundEffect.of_noise(
-        effect=OUTLIERS,
-        cause="readings that no scatter of the others explains; they are left out of the search and of the fit",
-        terms=where,
-        coefficients=tuple(float(sd[r] * scale) for r in worst),
-        unit="V",
-        size=f"{rows.size} of {len(whole)} readings, up to {np.max(np.abs(sd[rows])):.3g} sd; with them the fit moves "
-        f"by up to {moved:.2g} of its standard errors",
-        p=float(min(sd.size * len(problem.sensors) * 2 * special.ndtr(-np.min(np.abs(sd[rows]))), 1.0)),
-        separate_by="repeat these points",
-        against="elapsed_s",
-    )
+    group = data.point if data.replicates.size >= REPLICATIONS else np.zeros(len(data), np.int64)
+    each, sd = zip(residual, data.outputs.values(), strict=True), np.ones(len(data))
+    return np.stack([in_groups(left, resolution(output), group, sd, FEW) for left, output in each])
+
+
+def alone_finding(
+    problem: Problem, after: Estimate, off: FloatArray, residual: FloatArray, i: int
+) -> tuple[FoundEffect, ...]:
+    """The readings of sensor `i` that stand alone, of those (S, n) reduced, by the residual (S, n) of all, V."""
+    data = problem.scene.data
+
+    def place(row: int) -> str:
+        return f"order {data.order[row]} at pitch {data.pitch_deg[row]:g} deg, roll {data.roll_deg[row]:g} deg"
+
+    error, df = np.full(len(data), errors(problem, after.chosen)[i]), problem.levels.df(problem.levels.of_error)
+    found = told(off[i], residual[i], error, df, len(problem.sensors), place)
+    return () if found is None else (FoundEffect.of_noise(unit="V", **found),)

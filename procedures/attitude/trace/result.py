@@ -129,7 +129,7 @@ class Trace(TracedRun[SensorTrace, Candidate]):
     """Findings in a run.
 
     Attributes:
-        outliers: outliers, left out of search and fit.
+        outliers: rows of readings that stand alone, which count as three standard deviations.
         alternatives: the effects with another member of a class in place of the named one, one for every member.
     """
 

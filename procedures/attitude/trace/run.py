@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.arrays import FloatArray
 from rig.fitter.errors import FitError
 from rig.fitter.steps import steps
 from rig.fitter.trace.engine.family import TableFamily
@@ -26,14 +26,14 @@ from rig.procedures.attitude.trace.estimate import concerns, estimate, stated
 from rig.procedures.attitude.trace.findings import residual_of, sensor_trace
 from rig.procedures.attitude.trace.judge import AttitudeJudge
 from rig.procedures.attitude.trace.make_problem import make_problem
-from rig.procedures.attitude.trace.outliers import outliers
+from rig.procedures.attitude.trace.noise import alone
 from rig.procedures.attitude.trace.plausible import outsized, plausible
 from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.restarts import search_with_restarts
 from rig.procedures.attitude.trace.result import Trace
 from rig.procedures.attitude.trace.simpler import simplified
 from rig.procedures.attitude.trace.unmodelled import UnmodelledSmooth
-from rig.procedures.attitude.trace.wander import expected, with_wander
+from rig.procedures.attitude.trace.wander import with_wander
 
 _SEARCH = 0.5
 """Part of the time until the first replication is left out, about."""
@@ -71,10 +71,8 @@ class Search:
         simple = simplified(judge, chosen)
         if simple != chosen:
             judge, chosen = plausible(*supported(*search_and_name(judge, prune(judge, simple))))
-        by = expected(problem)
-        for _ in range(ROUNDS if by is not None else 0):
-            assert by is not None
-            walking = with_wander(judge.problem, chosen, by)
+        for _ in range(ROUNDS):
+            walking = with_wander(judge.problem, chosen)
             if np.all((walking.wander > 0) == (judge.problem.wander > 0)):
                 break
             judge = replace(judge, problem=walking)
@@ -104,7 +102,7 @@ def trace(
         FitError: the declared model has temperature, and none was recorded or it never changed.
     """
     search = Search((*catalogue, *UNNAMED) if unnamed else tuple(catalogue), temperature, unnamed)
-    aside, judge, found, not_kept = _without_outliers(data, search)
+    off, judge, found, not_kept = _settled(data, search)
     problem = judge.problem
     cv = None
     if validate:
@@ -123,7 +121,7 @@ def trace(
         sensor: sensor_trace(
             judge,
             data,
-            aside,
+            off,
             not_kept,
             before,
             after,
@@ -139,7 +137,7 @@ def trace(
     }
     chosen = tuple(problem.candidates[j] for j in after.chosen)
     explanations = explanations_of(classes, problem.candidates)
-    others = alternatives(problem, after, classes, data)
+    others = alternatives(problem, after, classes)
     return Trace(
         sensors,
         problem.scene,
@@ -147,7 +145,7 @@ def trace(
         after.gamma,
         taken_out.taken,
         len(data),
-        tuple(aside.tolist()),
+        tuple(np.flatnonzero(np.any(off != 0.0, axis=0)).tolist()),
         others,
         explanations=explanations,
     )
@@ -171,24 +169,20 @@ def final_check(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[tuple[in
     return stay, (*problem.left_out, *dependent, *idle)
 
 
-def _without_outliers(
+def _settled(
     data: AttitudeData, search: Search
-) -> tuple[IntArray, AttitudeJudge, tuple[int, ...], tuple[NotKept, ...]]:
-    """Search, and repeat without the outliers from the findings, until there are no more.
-
-    A reading that was an outlier only because of a missing effect is used again.
-    """
-    aside = np.zeros(0, np.int64)
+) -> tuple[FloatArray, AttitudeJudge, tuple[int, ...], tuple[NotKept, ...]]:
+    """Search, and repeat with the readings reduced that stand alone beside the findings, until they are the same."""
+    off = np.zeros((len(data.sensors), len(data)))
     for last in (False, False, True):
-        kept = data if not aside.size else data.take(np.setdiff1d(np.arange(len(data)), aside))
-        problem = search.problem_of(kept)
-        judge, found = search.settle(problem)
+        outputs = {name: y - own for (name, y), own in zip(data.outputs.items(), off, strict=True)}
+        judge, found = search.settle(search.problem_of(replace(data, outputs=outputs) if np.any(off) else data))
         found, not_kept = final_check(judge, found)
-        again = outliers(data, residual_of(judge.problem, estimate(judge.problem, found), data))[0]
-        if last or np.array_equal(again, aside):
+        again = alone(data, residual_of(judge.problem, estimate(judge.problem, found), data))
+        if last or np.array_equal(again != 0.0, off != 0.0):
             break
-        aside = again
-    return aside, judge, found, not_kept
+        off = again
+    return off, judge, found, not_kept
 
 
 def left_out(

@@ -101,8 +101,8 @@ def _growing(
 ) -> FoundTableEffect | None:
     if growth is None:
         return None
-    terms, size = _of_levels(growth, data) if isinstance(growth, OfLevels) else _over(growth, data)
     where = _where(growth.driver, data)
+    terms, size = _of_levels(growth, data) if isinstance(growth, OfLevels) else growth.told(where)
     return _finding(
         judge,
         data,
@@ -121,21 +121,6 @@ def _growing(
 
 def _where(driver: str, data: TableData) -> str:
     return {FITTED: f"fitted {data.response}", SIZE_OF_FITTED: f"fitted {data.response}"}.get(driver, driver)
-
-
-def _over(growth: Growth, data: TableData) -> tuple[dict[str, float], str]:
-    """Standard deviations at both ends of a variable, or in its middle and at its ends."""
-    where, (low, high) = _where(growth.driver, data), growth.span
-    first, last = growth.ends.tolist()
-    if growth.noise.middle is not None:
-        middle = (low + high) / 2.0
-        ends = f"{low:.4g} and {high:.4g}"
-        return {f"sd at {middle:.4g}": first, f"sd at {ends}": last}, (
-            f"sd {first:.3g} at {where} {middle:.4g}, {last:.3g} at {ends}"
-        )
-    return {f"sd at {low:.4g}": first, f"sd at {high:.4g}": last}, (
-        f"sd {first:.3g} at {where} {low:.4g}, {last:.3g} at {high:.4g}"
-    )
 
 
 def _of_levels(growth: OfLevels, data: TableData) -> tuple[dict[str, float], str]:

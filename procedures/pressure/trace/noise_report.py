@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from rig.fitter.effects.noise_names import AUTOCORRELATION, COMMON_ERROR, OUTLIERS
+from rig.fitter.effects.noise_names import AUTOCORRELATION, COMMON_ERROR
 from rig.fitter.quantiles import t_limit
 from rig.fitter.trace.chance import ALPHA, COUNTED
 from rig.fitter.trace.engine.components import Components
+from rig.fitter.trace.engine.robust import told
 from rig.procedures.pressure.effects import GROWING_NOISE
 from rig.procedures.pressure.trace.common import common_error
 from rig.procedures.pressure.trace.reasons import Run
@@ -59,12 +60,12 @@ def _remembered(run: Run, i: int) -> FoundPressureEffect | None:
     one = run.unmodelled[i]
     noise, beside = one.judge.problem.noise, one.judge.beside(one.chosen)
     assert isinstance(noise, Components)
-    told, still = beside.reml + 0.5 * noise.prices, noise.grid[:, 2] == 0.0
-    p = 0.5 * float(special.chdtrc(1, 2.0 * max(float(told.max() - told[still].max()), 0.0)))
+    likely, still = beside.reml + 0.5 * noise.prices, noise.grid[:, 2] == 0.0
+    p = 0.5 * float(special.chdtrc(1, 2.0 * max(float(likely.max() - likely[still].max()), 0.0)))
     p = _of_all(run, p)
     if p > ALPHA:
         return None
-    rho = float(noise.grid[int(np.argmax(told)), 2])
+    rho = float(noise.grid[int(np.argmax(likely)), 2])
     return _of_noise(
         run,
         i,
@@ -110,34 +111,18 @@ def _common(run: Run, i: int) -> FoundPressureEffect | None:
 
 def _outliers(run: Run, i: int) -> FoundPressureEffect | None:
     """Readings that stand alone within their whole plot."""
-    one, n = run.unmodelled[i], len(run.data)
-    off = one.judge.problem.y - one.judge.held(one.chosen)
-    rows = np.flatnonzero(off)
-    if not rows.size:
-        return None
-    view = one.view("subplot")
+    one = run.unmodelled[i]
+    off, view = one.judge.problem.y - one.judge.held(one.chosen), one.view("subplot")
     error = view.sigma[0] * one.judge.problem.sd
     deviation = view.outputs[0] * error + off
-    rows = rows[np.argsort(-np.abs(deviation[rows] / error[rows]))]
-    sd = np.abs(deviation[rows] / error[rows])
-    p = float(min(2.0 * special.stdtr(view.df[0], -sd[0]) * n * len(run.judge.problem.sensors), 1.0))
-    if p > ALPHA:
+
+    def place(row: int) -> str:
+        return f"order {run.data.order[row]} at {run.data.pressure_psia[row]:.3g} psia"
+
+    found = told(off, deviation, error, float(view.df[0]), len(run.judge.problem.sensors), place)
+    if found is None:
         return None
-    return _of_noise(
-        run,
-        i,
-        effect=OUTLIERS,
-        cause="readings that no scatter of the others explains; each counts as three standard deviations in the search "
-        "and in the fits here",
-        terms=tuple(f"order {run.data.order[r]} at {run.data.pressure_psia[r]:.3g} psia" for r in rows),
-        coefficients=tuple(deviation[rows].tolist()),
-        unit="mV",
-        size=f"{rows.size} of {n} readings, up to {sd[0]:.3g} sd",
-        p=p,
-        separate_by="look in the log at these readings, and repeat them",
-        against="elapsed_s",
-        peak_mV=float(np.max(np.abs(deviation[rows]))),
-    )
+    return _of_noise(run, i, unit="mV", peak_mV=float(np.max(np.abs(found["coefficients"]))), **found)
 
 
 def _of_all(run: Run, p: float) -> float:
