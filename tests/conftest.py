@@ -26,6 +26,10 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 from hypothesis import settings  # noqa: E402
+from hypothesis.internal.conjecture import providers  # noqa: E402
+
+# Every worker would read all modules for their constants, for 7 s, and a number changed anywhere would change examples.
+providers._get_local_constants = lambda: providers._local_constants
 
 # Seeded by the test's own name: a failure on one machine is the same failure on another.
 settings.register_profile("seeded", derandomize=True, deadline=None, print_blob=True)
