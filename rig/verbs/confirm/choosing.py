@@ -57,9 +57,9 @@ def groups_of(first: First, only: Callable[[Variation], bool] = lambda _: True) 
     return list(groups.values())
 
 
-def best(first: First, group: Sequence[Variation], choice: type[Points] | None) -> Proposal:
+def best(first: First, group: Sequence[Variation]) -> Proposal:
     """The smallest sufficient run of a group; otherwise the most informative one that is worth its time."""
-    chosen, hopeful = _of_chosen_points(first, group, choice)
+    chosen, hopeful = _of_chosen_points(first, group)
     tried = _bisected([partial(_proposal_of, first, run) for run in chosen], hopeful)
     settled = [proposal.hours for proposal in tried if proposal.settles(hopeful)]
     if settled:
@@ -129,9 +129,7 @@ def _cheapest(proposals: Sequence[Proposal]) -> Proposal:
     return min((p for p in proposals if p.told >= most - STEP), key=lambda proposal: proposal.cost_h)
 
 
-def _of_chosen_points(
-    first: First, group: Sequence[Variation], choice: type[Points] | None
-) -> tuple[list[OfPoints], frozenset[Pair] | None]:
+def _of_chosen_points(first: First, group: Sequence[Variation]) -> tuple[list[OfPoints], frozenset[Pair] | None]:
     """The run with the points that separate best, from short to long, without those that are certainly too short.
 
     And the pairs that a run of the group can separate at all; None if that is unknown.
@@ -142,12 +140,12 @@ def _of_chosen_points(
     most = max(len(variation.run_list) for variation in group)
     for times in kind.passes:
         whole = kind.whole(group, times)
-        if whole is None or choice is None:
+        if whole is None:
             break
         run_list = whole.run_list
         ways = kind.ways(whole, run_list, first.questions, first.later_s)
         least = t_limit(DISTINGUISHED, ways[0].df) - WORTH_A_FORECAST
-        points = choice.of([ways[0], ways[-1]][: len(ways)], first.questions, kind.units(run_list), most)
+        points = Points.of([ways[0], ways[-1]][: len(ways)], first.questions, kind.units(run_list), most)
         pairs = points.pairs if pairs is None else pairs
         for one in points.choose(kind.counts, least):
             variation = kind.chosen(whole, one.units)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from rig.fitter.confirm import NOTHING, Pair, Points
+from rig.fitter.confirm import NOTHING, Pair
 from rig.fitter.effects.entry import Entry
 from rig.fitter.effects.manual_changes import Change
 from rig.fitter.steps import steps
@@ -36,7 +36,6 @@ def planned(first: First) -> First:
 
 def consider(
     first: First,
-    choice: type[Points] | None = Points,
     *,
     only: Callable[[Variation], bool] = lambda _: True,
     changes: bool = True,
@@ -48,7 +47,6 @@ def consider(
 
     Args:
         first: the traced run.
-        choice: how the points of runs are chosen; None for whole designs only.
         only: whether a variation is considered.
         changes: whether changes by a person are considered.
         known: the best run of each kind of runs, by its name and their number, of the same questions, where it was
@@ -59,7 +57,7 @@ def consider(
     groups = {}
     for group in steps(groups_of(first, only), lambda group: group[0].what):
         key = group[0].what, len(group)
-        known[key] = known[key] if key in known else best(first, group, choice)
+        known[key] = known[key] if key in known else best(first, group)
         groups[known[key]] = group
     proposals = ordered(groups)
     if not changes:
@@ -67,7 +65,7 @@ def consider(
     made = {change.word: change for one in inseparable(first, proposals) for change in changes_for(first, one.pair)}
     likely = [groups[proposal] for k, proposal in enumerate(proposals) if k < CHANGED or proposal.variation.untouched]
     for change in steps(list(made.values()), lambda change: change.word):
-        proposals += [best(first, [with_step(variation, change) for variation in group], choice) for group in likely]
+        proposals += [best(first, [with_step(variation, change) for variation in group]) for group in likely]
     return tuple(ordered(proposals))
 
 
