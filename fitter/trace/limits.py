@@ -75,7 +75,7 @@ TABLE = (
         "1",
         "share of readings above which there are none: they are noise with long tails, or an effect. Readings of "
         "attitude sensors that stand alone are left out; others stay, and count as three standard deviations",
-        "attitude spoilt, whole-plots spoilt",
+        "attitude outliers, whole-plots spoilt",
     ),
     Limit(
         "inner residuals",

@@ -73,92 +73,30 @@ _NAMES = (
     "\u0394p \u00fc" * 30,
 )
 _WEB = (
-    *(
-        b"HTTP/1.1 200 OK\r\n",
-        b"HTTP/1.1 500 no\r\n",
-        b"HTTP/1.1 302 x\r\nLocation: file:///etc/passwd\r\n",
-        b"HTTP/9 x\r\n",
-    ),
-    *(
-        b"HTTP/1.1 200\r\n",
-        b"HTTP/1.1 99999999999999999999 x\r\n",
-        b"HTTP/1.1 429 \xff\xfe\r\n",
-        b"\0\0\0\0\r\n",
-        b"ICY 200\r\n",
-    ),
-    *(
-        b"HTTP/1.1 100 Continue\r\n\r\n" * 3 + b"HTTP/1.1 204 x\r\n",
-        b"HTTP/1.1 401 x\r\nWWW-Authenticate: Basic\r\n",
-        b"\r\n" * 50,
-    ),
-)
+    b"HTTP/1.1 200 OK\r\n", b"HTTP/1.1 500 no\r\n", b"HTTP/1.1 302 x\r\nLocation: file:///etc/passwd\r\n",
+    b"HTTP/9 x\r\n", b"HTTP/1.1 200\r\n", b"HTTP/1.1 99999999999999999999 x\r\n", b"HTTP/1.1 429 \xff\xfe\r\n",
+    b"\0\0\0\0\r\n", b"ICY 200\r\n", b"HTTP/1.1 100 Continue\r\n\r\n" * 3 + b"HTTP/1.1 204 x\r\n",
+    b"HTTP/1.1 401 x\r\nWWW-Authenticate: Basic\r\n", b"\r\n" * 50,
+)  # fmt: skip
 _WEB_HEADS = (
-    *(b"Content-Length: 5\r\n", b"Content-Length: -5\r\n", b"Content-Length: x\r\n", b"Transfer-Encoding: chunked\r\n"),
-    *(
-        b"A: b\r\n" * 300,
-        b"X: " + b"y" * 70000 + b"\r\n",
-        b"no colon\r\n",
-        b"\xff: \xff\r\n",
-        b" folded\r\n",
-        b"\0\r\n",
-        b"A:\r\n",
-    ),
-    *(
-        b"Content-Encoding: gzip\r\n",
-        b"Set-Cookie: \xff\r\n",
-        b"Connection: close\r\n",
-        b"Content-Length: " + b"9" * 5000 + b"\r\n",
-    ),
-)
+    b"Content-Length: 5\r\n", b"Content-Length: -5\r\n", b"Content-Length: x\r\n", b"Transfer-Encoding: chunked\r\n",
+    b"A: b\r\n" * 300, b"X: " + b"y" * 70000 + b"\r\n", b"no colon\r\n", b"\xff: \xff\r\n", b" folded\r\n", b"\0\r\n",
+    b"A:\r\n", b"Content-Encoding: gzip\r\n", b"Set-Cookie: \xff\r\n", b"Connection: close\r\n",
+    b"Content-Length: " + b"9" * 5000 + b"\r\n",
+)  # fmt: skip
 _WEB_BODIES = (
-    b"",
-    b"hello",
-    b"5\r\nhello\r\n0\r\n\r\n",
-    b"zz\r\n",
-    b"f" * 400 + b"\r\n",
-    b"-5\r\nx",
-    b"\xff" * 3000,
+    b"", b"hello", b"5\r\nhello\r\n0\r\n\r\n", b"zz\r\n", b"f" * 400 + b"\r\n", b"-5\r\nx", b"\xff" * 3000,
     b"5;" + b"x" * 70000,
-)
+)  # fmt: skip
 _MAIL = (
-    *(
-        b"220 here\r\n",
-        b"250 ok\r\n",
-        b"354 go on\r\n",
-        b"221 bye\r\n",
-        b"451 later\r\n",
-        b"550 no\r\n",
-        b"250-more\r\n",
-        b"250\r\n",
-    ),
-    *(
-        b"999 x\r\n",
-        b"-1 x\r\n",
-        b"\xff\xfe\r\n",
-        b"x" * 10000 + b"\r\n",
-        b"\r\n",
-        b"2",
-        b"",
-        b"250-SIZE x\r\n250-STARTTLS\r\n250 AUTH \xff\r\n",
-    ),
-    *(
-        b"250 " + b"y" * 3000 + b"\r\n",
-        b"\0\0\0\r\n",
-        b"250-a\r\n" * 500 + b"250 b\r\n",
-        b"421 gone\r\n",
-        b"1e3 x\r\n",
-        b"25\xb2 x\r\n",
-    ),
-)
+    b"220 here\r\n", b"250 ok\r\n", b"354 go on\r\n", b"221 bye\r\n", b"451 later\r\n", b"550 no\r\n",
+    b"250-more\r\n", b"250\r\n", b"999 x\r\n", b"-1 x\r\n", b"\xff\xfe\r\n", b"x" * 10000 + b"\r\n", b"\r\n", b"2",
+    b"", b"250-SIZE x\r\n250-STARTTLS\r\n250 AUTH \xff\r\n", b"250 " + b"y" * 3000 + b"\r\n", b"\0\0\0\r\n",
+    b"250-a\r\n" * 500 + b"250 b\r\n", b"421 gone\r\n", b"1e3 x\r\n", b"25\xb2 x\r\n",
+)  # fmt: skip
 _GOOD_MAIL = (
-    b"220 here\r\n",
-    b"250 ok\r\n",
-    b"250 ok\r\n",
-    b"250 ok\r\n",
-    b"354 go on\r\n",
-    b"250 taken\r\n",
-    b"221 bye\r\n",
-)
+    b"220 here\r\n", b"250 ok\r\n", b"250 ok\r\n", b"250 ok\r\n", b"354 go on\r\n", b"250 taken\r\n", b"221 bye\r\n",
+)  # fmt: skip
 
 
 _CONTROLS = ("Cc", "Cf", "Cs", "Zl", "Zp")

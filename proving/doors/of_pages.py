@@ -92,88 +92,28 @@ def _whole(answer: bytes) -> bool:
 
 
 _PATHS = (
-    *("/", "/run/{}", "/run/{}/state.json", "/run/{}/events", "/static/watch.css", "/static/watch.js", "/favicon.ico"),
-    *(
-        "/static/../app.py",
-        "/static/..%2fapp.py",
-        "/run/../../etc/passwd",
-        "/run/%00",
-        "/run/%ff%fe",
-        "//evil.example/",
-    ),
-    *(
-        "/run/" + "x" * 3000,
-        "/" + "a" * 70000,
-        "/run/%0d%0aSet-Cookie:%20a=b",
-        "/\\evil",
-        "*",
-        "http://evil/",
-        "evil:1",
-    ),
-    *("/run/%2e%2e", "/run/<script>", "/%", "/run/{}/", "/RUN/{}", "/run/{}/state.json/x", "/.", "/static/", "/run/"),
-)
+    "/", "/run/{}", "/run/{}/state.json", "/run/{}/events", "/static/watch.css", "/static/watch.js", "/favicon.ico",
+    "/static/../app.py", "/static/..%2fapp.py", "/run/../../etc/passwd", "/run/%00", "/run/%ff%fe", "//evil.example/",
+    "/run/" + "x" * 3000, "/" + "a" * 70000, "/run/%0d%0aSet-Cookie:%20a=b", "/\\evil", "*", "http://evil/", "evil:1",
+    "/run/%2e%2e", "/run/<script>", "/%", "/run/{}/", "/RUN/{}", "/run/{}/state.json/x", "/.", "/static/", "/run/",
+)  # fmt: skip
 _HOSTS = (
-    "127.0.0.1",
-    "localhost",
-    "bench.lab",
-    "evil.example",
-    "",
-    "[::1",
-    "[::1]:80",
-    "a:b:c",
-    "\xff",
-    "127.0.0.1:x",
+    "127.0.0.1", "localhost", "bench.lab", "evil.example", "", "[::1", "[::1]:80", "a:b:c", "\xff", "127.0.0.1:x",
     "::1",
-)
+)  # fmt: skip
 _QUERIES = (
-    "",
-    "?token=secret",
-    "?token=",
-    "?token=%ff",
-    "?token=secret&a=%0d%0ab",
-    "?token=x&token=secret",
+    "", "?token=secret", "?token=", "?token=%ff", "?token=secret&a=%0d%0ab", "?token=x&token=secret",
     "?" + "a=1&" * 5000,
-)
+)  # fmt: skip
 _HEADS = (
-    *(
-        "Cookie: rig_watch=secret",
-        "Cookie: rig_watch=\xff",
-        "Cookie: " + "a=b; " * 3000,
-        "Cookie: =;;=",
-        "Last-Event-ID: 5",
-    ),
-    *(
-        "Last-Event-ID: -1",
-        "Last-Event-ID: \xb2",
-        "Last-Event-ID: " + "9" * 5000,
-        "Content-Length: 5",
-        "Content-Length: x",
-    ),
-    *(
-        "Content-Length: -1",
-        "Content-Length: " + "9" * 400,
-        "Transfer-Encoding: chunked",
-        "Transfer-Encoding: x",
-        "Expect: 100-continue",
-    ),
-    *(
-        "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Key: x",
-        "Upgrade: h2c",
-        "X: " + "y" * 70000,
-        ": x",
-        "no colon",
-    ),
-    *(
-        " folded",
-        "Host: other",
-        "Accept: */*",
-        "Range: bytes=0-1",
-        "If-None-Match: *",
-        "\0: x",
-        "X-Forwarded-For: 1.1.1.1",
-        "a b: c",
-    ),
-)
+    "Cookie: rig_watch=secret", "Cookie: rig_watch=\xff", "Cookie: " + "a=b; " * 3000, "Cookie: =;;=",
+    "Last-Event-ID: 5", "Last-Event-ID: -1", "Last-Event-ID: \xb2", "Last-Event-ID: " + "9" * 5000,
+    "Content-Length: 5", "Content-Length: x", "Content-Length: -1", "Content-Length: " + "9" * 400,
+    "Transfer-Encoding: chunked", "Transfer-Encoding: x", "Expect: 100-continue",
+    "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Key: x", "Upgrade: h2c", "X: " + "y" * 70000, ": x",
+    "no colon", " folded", "Host: other", "Accept: */*", "Range: bytes=0-1", "If-None-Match: *", "\0: x",
+    "X-Forwarded-For: 1.1.1.1", "a b: c",
+)  # fmt: skip
 _METHODS = ("GET", "HEAD", "POST", "OPTIONS", "TRACE", "CONNECT", "get", "PRI", "G\0T", "", "X" * 300)
 _ALLOWED = frozenset(
     b"date content-length content-type location set-cookie allow retry-after x-accel-buffering connection upgrade "

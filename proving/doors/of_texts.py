@@ -72,26 +72,10 @@ def toml(rng: random.Random, material: Material) -> Acts:
 
 
 _CELLS = (
-    *(
-        "",
-        "1_5",
-        "nan",
-        "inf",
-        "1e999",
-        '"',
-        "=1+1",
-        "a,b",
-        "\0",
-        "\r",
-        "-",
-        "x",
-        "1" * 5000,
-        "\uff11",
-        "1e308",
-        "-1e308",
-    ),
-    *('"a\nb"', "true", "0x10", " 1 ", "1e-320", "\u202e", ";", "\t", "\x1b[2J", "[red]", "2026-01-01", "0", "1" * 400),
-)
+    "", "1_5", "nan", "inf", "1e999", '"', "=1+1", "a,b", "\0", "\r", "-", "x", "1" * 5000, "\uff11", "1e308",
+    "-1e308", '"a\nb"', "true", "0x10", " 1 ", "1e-320", "\u202e", ";", "\t", "\x1b[2J", "[red]", "2026-01-01", "0",
+    "1" * 400,
+)  # fmt: skip
 _COLUMNS = (
     ("pitch_deg", "roll_deg", "x_V", "y_V", "z_V", "replicate", "sensor_temperature_degC"),
     ("pressure_psia", "sensor_temperature_degC", "sse_temperature_degC", "p_V", "whole_plot", "replicate"),
@@ -100,19 +84,9 @@ _COLUMNS = (
 
 
 _LINES = (
-    "",
-    "# remark",
-    "x;y",
-    "kN;mV",
-    "a b c",
-    "1;2;3",
-    "***End***",
-    "---",
-    '"quoted',
-    "Data:  y  x",
-    "1.234;5,6",
+    "", "# remark", "x;y", "kN;mV", "a b c", "1;2;3", "***End***", "---", '"quoted', "Data:  y  x", "1.234;5,6",
     "03/04/2026",
-)
+)  # fmt: skip
 
 
 def _as_others_write(text: str, rng: random.Random) -> str:
@@ -179,23 +153,8 @@ def _calibration_path(material: Material) -> Path:
 
 _WORDS = ("P", "T", "1", "0", "I(", "C(", "log(", "(", ")", ")^2", "^", "*", ":", "+", "-", "/", "~", "1e999", "\u00b2")
 _MORE: tuple[str, ...] = (
-    "sqrt(",
-    "exp(",
-    "9" * 400,
-    "^9",
-    "**",
-    "P^2",
-    "T:P",
-    "\0",
-    "\n",
-    "'",
-    ".",
-    ",",
-    "1_5",
-    "\uff11",
-    "e",
-    "-1",
-)
+    "sqrt(", "exp(", "9" * 400, "^9", "**", "P^2", "T:P", "\0", "\n", "'", ".", ",", "1_5", "\uff11", "e", "-1",
+)  # fmt: skip
 _MORE += ("max(", "<", "==", "`P`", "`")
 _EFFECT = ("pitch", "+", "**", "sin(", ")", "9", "1e9", "-", "roll", "(", "min(", ",", "<")
 _AGAIN = ("P+", "P*", "-", "(P+T)*", "P:", "P<", "P^", "max(P,", "`")
@@ -275,15 +234,8 @@ _CONTRACT_VALUES = (
 )
 
 _ODD_NAMES = (
-    "a\nb.sqlite",
-    "-x.sqlite",
-    "=1.sqlite",
-    "[red].sqlite",
-    "x" * 250,
-    "%s.sqlite",
-    "\udcff.sqlite",
-    "a b'\".json",
-)
+    "a\nb.sqlite", "-x.sqlite", "=1.sqlite", "[red].sqlite", "x" * 250, "%s.sqlite", "\udcff.sqlite", "a b'\".json",
+)  # fmt: skip
 
 
 def odd_path(rng: random.Random, material: Material) -> Path:

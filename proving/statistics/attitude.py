@@ -58,6 +58,9 @@ NOISE: dict[str, tuple[Bench, Plan, dict[str, Any]]] = {
     "one sensor, no roll, random walk 1 sd": (replace(ONE, offset_sd=1.0, offset_walk=True), LINE, {}),
     "one replication": (CLEAN, D1(90, 19, replications=1), {}),
 }
+WANDER: dict[str, tuple[Bench, Plan, dict[str, Any]]] = {
+    f"random walk to {sd:g} sd": (replace(CLEAN, wander=sd), D1(90, 19), {}) for sd in (1.0, 2.0, 4.0, 10.0)
+}
 WITHOUT = (replace(PADS_AND_TEMPERATURE, compliance={}), replace(PADS_AND_TEMPERATURE, sensors=CLEAN.sensors))
 EXPECTED = {("x", "isolation-pad-deflection"), ("z", "isolation-pad-deflection")} | {
     (axis, "sensitivity-temperature") for axis in "xyz"
@@ -199,32 +202,19 @@ def clean() -> Study:
     return Study({name: partial(_clean, case=name) for name in CLEAN_RUNS}, _alarms, block=2)
 
 
-def _clean(seed: int, case: str) -> Result:
-    bench, plan, options = CLEAN_RUNS[case]
-    return _reported(seed, bench, plan, options)
-
-
 def noise() -> Study:
     """The same with further designs, replications that wander, shaking heads, missing points."""
-    return Study({name: partial(_noise, case=name) for name in NOISE}, _alarms, block=2)
-
-
-def _noise(seed: int, case: str) -> Result:
-    bench, plan, options = NOISE[case]
-    return _reported(seed, bench, plan, options)
+    return Study({name: partial(_clean, case=name) for name in NOISE}, _alarms, block=2)
 
 
 def wander() -> Study:
     """An offset that takes a random walk through the night."""
-    return Study({f"random walk to {sd:g} sd": partial(_wander, sd=sd) for sd in (1.0, 2.0, 4.0, 10.0)}, _alarms)
+    return Study({name: partial(_clean, case=name) for name in WANDER}, _alarms)
 
 
-def _wander(seed: int, sd: float) -> Result:
-    return _reported(seed, replace(CLEAN, wander=sd), D1(90, 19), {})
-
-
-def _reported(seed: int, bench: Bench, plan: Plan, options: Mapping[str, Any]) -> Result:
+def _clean(seed: int, case: str) -> Result:
     """Without left-out errors, which decide nothing."""
+    bench, plan, options = {**CLEAN_RUNS, **NOISE, **WANDER}[case]
     found = trace(simulate(bench, plan, seed, **options)[0], validate=False)
     return {"seed": seed, "effects": sorted(set(reported(found).values()))}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -11,9 +10,8 @@ import proving.strangers
 from proving.statistics.frame import Figures, Part, Results, Study
 from proving.strangers import runs
 from proving.strangers.judge import judge_of
-from proving.strangers.peers import PEERS, knobs
 from proving.strangers.sets import load, opened
-from proving.strangers.shares import alarms, classes, said_by
+from proving.strangers.shares import alarms, classes
 from rig.errors import UsageError
 
 NEWEST = Path(proving.strangers.__file__).parent / "sixteenth"
@@ -82,56 +80,6 @@ def nulls(set: str = "") -> Study:  # noqa: A002
     return Study(cases, _alarms, totals)
 
 
-def limits(set: str = "") -> Study:  # noqa: A002
-    """Nulls with white noise: each peer's knob at which it alarms as often as the trace; print it with `--json`."""
-    folder = _folder(set)
-    kinds = load(folder).modules
-    cases = {f"{kind}{_NULL}": partial(runs.limits, folder=folder, kind=kind) for kind in kinds}
-    return Study(cases, _knobs)
-
-
-def _knobs(results: Results) -> Figures:
-    count = sum(one["alarm"] for one in results)
-    known = [one for one in results if one["limits"] is not None]
-    of_each = {name: [one["limits"][name] for one in known] for name in PEERS}
-    figures = {"nulls": len(known), "refused": len(results) - len(known), "alarms of the trace": count}
-    return {**figures, "knobs": knobs(of_each, count) if known else {}}
-
-
-def peers(set: str = "", judged: str = "", sizes: str = "1,2", limits: str = "") -> Study:  # noqa: A002
-    """What other methods say of the same tables: right, wrong or silent. Knobs from the file that `limits` printed."""
-    folder, list_of_judge = _folder(set), Path(judged) if judged else None
-    stranger = load(folder)
-    judge_of(stranger, list_of_judge)
-    known = json.loads(Path(limits).read_text(encoding="utf-8"))["rows"] if limits else {}
-    usual = {name: peer.usual for name, peer in PEERS.items()}
-    cases = {
-        f"{kind}: {' + '.join(names)}, size {size:g}": partial(
-            runs.peers,
-            folder=folder,
-            kind=kind,
-            effects=names,
-            size=size,
-            judged=list_of_judge,
-            knobs=known[f"{kind}{_NULL}"]["knobs"] if known else usual,
-        )
-        for kind in stranger.modules
-        for names in stranger.effects(kind)
-        for size in _numbers(sizes)
-    }
-
-    def totals(found: Mapping[str, Results]) -> Mapping[str, Figures]:
-        groups = {"all": list(found)}
-        groups |= {kind: [case for case in found if case.startswith(f"{kind}:")] for kind in stranger.modules}
-        rows = {name: [one for case in those for one in found[case]] for name, those in groups.items()}
-        return {name: said_by(results) for name, results in rows.items() if results}
-
-    return Study(cases, said_by, totals)
-
-
-_NULL = ", nothing hidden"
-
-
 def _runs(results: Results) -> Figures:
     """Each run of a case in one line."""
     lines = {f"seed {one['seed']}": f"{one['class']}. {one['line']}" for one in results}
@@ -159,6 +107,4 @@ def _numbers(text: str) -> list[float]:
 PARTS = {
     "effects": Part(effects, seeds=2, first=1),
     "nulls": Part(nulls, seeds=10, first=1),
-    "limits": Part(limits, seeds=40, first=1001),
-    "peers": Part(peers, seeds=2, first=1),
 }

@@ -1,8 +1,7 @@
 """How small an effect the trace of tables still finds, and how good the model is that it ends with.
 
-The laboratory is proving/truth/table.py. Sizes are rms beside the declared straight line, in units of the scatter. The
-told test knows the effect's column, its constants included, and tests nothing else: F at 5 % with independent errors.
-`told` shares the 5 % by the effects that the trace compares, and allows for correlated errors too.
+The laboratory is proving/truth/table.py. Sizes are rms beside the declared straight line, in units of the scatter. A
+told test knows the effect's column, its constants included, and shares 5 % by the effects that the trace compares.
 """
 
 from __future__ import annotations
@@ -13,11 +12,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from scipy import optimize, special, stats
 
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
-from proving.statistics.tables import found_or_alike
 from proving.statistics.told import free_of, powers
 from proving.truth.table import MISSING, Missing, options, simulate
 from rig.procedures.general.column_roles import Roles, roles_of
@@ -26,61 +23,10 @@ from rig.procedures.general.trace.estimate import error_of, estimate
 from rig.procedures.general.trace.run import problem_of
 from rig.procedures.tables.table import Table
 
-STEPS = (1.0, 1.3, 1.6, 2.0, 2.6, 3.4, 4.5)
-"""Sizes tried, in units of that which the told test finds with 95 % power."""
-RANK = {"wave": 2, "oscillation": 2, "group offset": 4, "group gain": 4}
 ALIKE = ((0.0, 1.0), (0.3, 1.0), (0.6, 1.0), (0.9, 1.0), (0.6, 0.4), (0.9, 0.7), (0.9, 0.4), (0.9, 0.15))
 """Correlation of neighbours of the part of the errors that wanders, and its share of their variance."""
 HELD = {"independent errors": 1, "AR to 0.6": 3, "AR to 0.9": 4, "AR to 0.9 beside independent errors": len(ALIKE)}
 """How many of these a told test holds its level for."""
-
-
-def told_size(missing: Missing, rank: int) -> float:
-    """Rms at which a single F test at 5 % on the true columns has 95 % power."""
-    n, df = missing.lab.n, missing.lab.n - 2 - rank
-    limit = float(special.fdtri(rank, df, 0.95))
-    noncentrality = optimize.brentq(lambda c: stats.ncf.sf(limit, rank, df, c) - 0.95, 1.0, 200.0)
-    return float(np.sqrt(noncentrality / n))
-
-
-def size() -> Study:
-    """Size found with 95 % power by name or as an alias, over that of a single told test."""
-    return Study({name: partial(_sizes, name=name) for name in MISSING}, _power)
-
-
-def _sizes(seed: int, name: str) -> Result:
-    missing = MISSING[name]
-    told = told_size(missing, RANK.get(name, 1))
-    hits = []
-    for step in STEPS:
-        names = found_or_alike(simulate(missing.lab, seed, missing.at(step * told)), options(missing.lab))
-        hits.append(any(one.startswith(missing.named) for key, a in names.items() for one in (key, *a)))
-    return {"told": told, "hits": hits}
-
-
-def _power(results: Results) -> Figures:
-    """A probit line through the rates at a few sizes, up to where nearly all are found twice in succession."""
-    every = np.mean([one["hits"] for one in results], axis=0).tolist()
-    last = next((k for k in range(1, len(every)) if min(every[k - 1 : k + 1]) > 0.98), len(every) - 1)
-    rates, steps = every[: last + 1], STEPS[: last + 1]
-    ratio = _at_95(np.array(steps), np.array(rates), len(results))
-    return {
-        "told": results[0]["told"],
-        "ratio": ratio,
-        "found": {f"{step:g}": rate for step, rate in zip(steps, rates, strict=True)},
-    }
-
-
-def _at_95(step: Any, rate: Any, count: int) -> float:
-    """Where a probit line, fitted by likelihood, is at 95 %."""
-    hits = rate * count
-
-    def minus_log(p: Any) -> float:
-        z = np.exp(p[1]) * (step - p[0])
-        return -float(np.sum(hits * special.log_ndtr(z) + (count - hits) * special.log_ndtr(-z)))
-
-    best = optimize.minimize(minus_log, np.array([1.3, 0.5]), method="Nelder-Mead")
-    return float(best.x[0] + 1.645 / np.exp(best.x[1]))
 
 
 def error(rows: int = 0) -> Study:
@@ -174,4 +120,4 @@ def _powers(results: Results) -> Figures:
     return {"tests": float(np.mean([one["tests"] for one in results])), **means}
 
 
-PARTS = {"size": Part(size, 40), "error": Part(error, 40), "told": Part(told, 2)}
+PARTS = {"error": Part(error, 40), "told": Part(told, 2)}

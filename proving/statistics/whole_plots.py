@@ -12,7 +12,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.special import nctdtr, stdtrit
 
 from proving.ledger import Result
 from proving.statistics.frame import Figures, Part, Results, Study, pooled
@@ -69,11 +68,6 @@ SPOILT = {
     "errors remembered by 0.5": Bench(remembered=0.5),
     "one whole plot off by 13 sd": Bench(apart_mV=0.2),
 }
-POWER = (
-    (("sensor cubed", "drift of whole plots"), 13, 20, (0.9, 1.1, 1.3, 1.4, 1.5)),
-    (("cubic", "hysteresis", "gain drifts"), 194, 220, (0.25, 0.35, 0.4, 0.45)),
-)
-"""Names, degrees of freedom and rows of what a test that is told the true column has, and sizes."""
 ALIKE = (0.0, 0.25, 0.5, 0.7)
 """Correlations of neighbouring whole plots."""
 
@@ -200,21 +194,6 @@ def _error(predicted: Mapping[str, FloatArray], hidden: Hiding) -> float:
     return float(np.sqrt(np.mean([(predicted[s] - truth) ** 2 for s, truth in hidden.truth.items()])))
 
 
-def power(transducers: int = 3) -> Study:
-    """Named, by size, beside the power of a 5 % t test of the true column alone."""
-    cases = {}
-    for names, df, rows, sizes in POWER:
-        for size in sizes:
-            told = 1.0 - float(nctdtr(df, size * rows**0.5, float(stdtrit(df, 0.975))))
-            for name in names:
-                cases[f"{name} at {size:g}"] = partial(_power, name=name, size=size, told=told, transducers=transducers)
-    return Study(cases, _rate)
-
-
-def _power(seed: int, name: str, size: float, told: float, transducers: int) -> Result:
-    return {"told": told, "named": _outcome([name], [size], seed, transducers)["named"]}
-
-
 def told(size: float = 1.3, tests: int = 36) -> Study:
     """Power of a test told the true column, for each effect between whole plots.
 
@@ -247,14 +226,6 @@ def _told_power(seed: int, name: str, size: float, level: float) -> Result:
 def _powers(results: Results) -> Figures:
     each = [one["power"] for one in results]
     return {f"held to {most}": float(np.mean([power[most] for power in each])) for most in each[0]}
-
-
-def _rate(results: Results) -> Figures:
-    return {
-        "a told test": results[0]["told"],
-        "named": sum(one["named"] for one in results),
-        "of": len(results),
-    }
 
 
 def cubic() -> Study:
@@ -300,7 +271,6 @@ PARTS = {
         "singles": singles,
         "pairs": pairs,
         "triples": triples,
-        "power": power,
         "told": told,
         "cubic": cubic,
         "spoilt": spoilt,

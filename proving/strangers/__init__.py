@@ -1,4 +1,4 @@
-"""Worlds that nobody here wrote: sets of hidden causes by strangers, opened once, scored beside other methods.
+"""Worlds that nobody here wrote: sets of hidden causes by strangers, opened once, and scored.
 
 The contract of a set, the judge's list and the commands: README.md in this folder.
 """

@@ -22,13 +22,11 @@ class Judged:
     Attributes:
         right: names of the same physical cause; empty for a cause that is in no catalogue.
         near: names that no run of this design can tell from it.
-        where: variables that it depends on, for methods that only say where something lives.
 
     """
 
     right: tuple[str, ...]
     near: tuple[str, ...]
-    where: tuple[str, ...]
 
     def names(self, name: str) -> bool:
         """Whether a name is right, or as good as right."""
@@ -37,11 +35,6 @@ class Judged:
     def only_near(self, name: str) -> bool:
         """Whether it is as good as right, and not right."""
         return self.names(name) and not _among(name, self.right)
-
-    def lives(self, variable: str) -> bool:
-        """Whether it depends on a variable."""
-        return _among(variable, self.where)
-
 
 def _among(name: str, patterns: Sequence[str]) -> bool:
     return any(fnmatchcase(name, pattern) for pattern in patterns)
@@ -78,7 +71,7 @@ def judge_of(stranger: StrangerSet, path: Path | None = None) -> Judge:
     if told["seal"] != stranger.seal:
         raise UsageError(f"{path}: the list is for a set with the seal {told['seal']}, not {stranger.seal}")
     lists = {
-        (kind, name): Judged(tuple(one["right"]), tuple(one.get("near", ())), tuple(one["where"]))
+        (kind, name): Judged(tuple(one["right"]), tuple(one.get("near", ())))
         for kind in KINDS
         for name, one in told["kinds"].get(kind, {}).items()
     }

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rig.fitter.errors import FitError
 from rig.procedures.errors import DataError
 from proving.strangers.judge import Judged, judge_of
-from proving.strangers.peers import PEERS, says
-from proving.strangers.rows import rows_of
 from proving.strangers.scoring import (
     CRASH,
     REFUSED,
@@ -102,36 +99,3 @@ def _none(name: str, error: Exception, right: Sequence[Judged]) -> Scored:
         "left_out_rose": None,
         "line": f"{type(error).__name__}{text if 'table.csv' in str(error) else f': {text}'}",
     }
-
-
-def limits(seed: int, folder: Path, kind: str) -> Scored:
-    """A table with nothing hidden and white noise: whether the trace alarms, and each peer's limit; None if refused."""
-    stranger = load(folder)
-    opened(stranger)
-    made = made_of(stranger, kind, (), seed, 0.0)
-    told = scored(made, (), left_out=False)
-    if told["class"] in {REFUSED, CRASH}:
-        return {"alarm": False, "limits": None}
-    rows = rows_of(kind, made)
-    alarms = told["alarm"] and not told["only_differ"]  # peers stand beside a fit of each replication
-    return {"alarm": alarms, "limits": {name: peer.limit(rows) for name, peer in PEERS.items()}}
-
-
-def peers(
-    seed: int,
-    folder: Path,
-    kind: str,
-    effects: tuple[str, ...],
-    size: float,
-    judged: Path | None,
-    knobs: Mapping[str, float],
-) -> Scored:
-    """A table with hidden causes, for every peer with its knob."""
-    stranger = load(folder)
-    right = judge_of(stranger, judged).of(kind, effects)
-    opened(stranger)
-    try:
-        rows = rows_of(kind, made_of(stranger, kind, effects, seed, size))
-    except (FitError, DataError):
-        return dict.fromkeys(PEERS, REFUSED)
-    return {name: says(peer, rows, knobs[name], right) for name, peer in PEERS.items()}

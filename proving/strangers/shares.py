@@ -10,8 +10,6 @@ from typing import Any
 from proving.strangers.scoring import CLASSES, WRONG, WRONG_MARKED
 
 Figures = dict[str, Any]
-SAYS = ("right", "wrong", "silent", "refused")
-"""What a method that cannot mark anything can be."""
 Z = 1.959963984540054
 """Standard normal deviate of a two-sided 95 % interval."""
 
@@ -59,13 +57,4 @@ def alarms(results: Sequence[Mapping[str, Any]]) -> Figures:
         "findings about the noise": sum(one["noise"] for one in results),
         "refused": sum(one["class"] == "refused" for one in results),
         "crash": sum(one["class"] == "crash" for one in results),
-    }
-
-
-def said_by(results: Sequence[Mapping[str, str]]) -> Figures:
-    """Of each method, how many runs are right, wrong and silent."""
-    methods = dict.fromkeys(name for one in results for name in one)
-    return {
-        name: {what: share(sum(one[name] == what for one in results), len(results)) for what in SAYS}
-        for name in methods
     }

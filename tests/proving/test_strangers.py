@@ -1,4 +1,4 @@
-"""Sets of hidden causes that strangers write: seal, judge's list, classes of answers, peers (proving/strangers)."""
+"""Sets of hidden causes that strangers write: seal, judge's list, classes of answers (proving/strangers)."""
 
 from __future__ import annotations
 
@@ -12,15 +12,11 @@ import pytest
 from strangers_tables import table
 
 from proving.statistics.frame import main
-from proving.strangers.columns import Products, lasso_path, stepwise, thresholded
 from proving.strangers.judge import Judged, judge_of
-from proving.strangers.peers import PEERS, knobs, says
-from proving.strangers.rows import rows_of
-from proving.strangers.runs import made_of, scored
+from proving.strangers.runs import scored
 from proving.strangers.scoring import CLASSES, alarm, class_of, found, said_of
 from proving.strangers.sets import digest_of, load, opened, sealed
 from proving.strangers.shares import wilson
-from proving.strangers.smooth import likelier
 from proving.strangers.traced import options_of, traced
 from rig.errors import UsageError
 
@@ -77,8 +73,8 @@ def folder(tmp_path):
     seal = digest_of(place)
     (place / "SEAL.txt").write_text(f"{seal}\n")
     lists = {
-        "bend": {"right": ["second-order:x_mm"], "where": ["x_mm"]},
-        "comb": {"right": [], "where": ["room_degC"]},
+        "bend": {"right": ["second-order:x_mm"]},
+        "comb": {"right": []},
     }
     (place / "judged.json").write_text(json.dumps({"seal": seal, "kinds": {"general": lists}}))
     return place
@@ -103,22 +99,10 @@ def test_a_set_is_traced_scored_and_counted_and_when_it_was_opened_is_kept(folde
     assert opened(load(folder)) == kept["opened"], "the first time counts"
 
 
-def test_nulls_are_counted_by_noise_and_peers_have_knobs_of_as_many_alarms(folder, capsys, tmp_path):
+def test_nulls_are_counted_by_noise(folder, capsys):
     nulls = told(capsys, "nulls", "--set", folder, "--seeds", 1)["rows"]
     assert nulls["heavy"]["false alarms"]["of"] == 1
     assert nulls["all"]["false alarms"]["of"] == 2
-    limits = told(capsys, "limits", "--set", folder, "--seeds", 4)
-    of_nulls = limits["rows"]["general, nothing hidden"]
-    assert of_nulls["nulls"] == 4
-    assert set(of_nulls["knobs"]) == set(PEERS)
-    file = tmp_path / "limits.json"
-    file.write_text(json.dumps(limits))
-    rows = told(capsys, "peers", "--set", folder, "--seeds", 1, "--sizes", 2, "--limits", file)["rows"]
-    assert rows["general: bend, size 2"]["stepwise, BIC"]["silent"]["count"] == 0
-    assert rows["general: bend, size 2"]["Gaussian process, where"]["right"]["count"] == 1
-    assert rows["general: comb, size 2"]["stepwise, BIC"]["right"]["count"] == 0
-    for name in PEERS:
-        assert sum(one["count"] for one in rows["all"][name].values()) == 3
 
 
 def test_a_changed_file_breaks_the_seal_and_nothing_is_traced(folder, capsys):
@@ -173,8 +157,8 @@ def sensor(*effects, unnamed=(), before=2.0, after=1.0):
     return {"verdict": "-", "effects": list(effects), "unnamed": left, "before": error[0], "after": error[1]}
 
 
-PADS = Judged(("pads",), ("cross-*",), ("pitch",))
-UNKNOWN = Judged((), (), ("time",))
+PADS = Judged(("pads",), ("cross-*",))
+UNKNOWN = Judged((), ())
 OWN = (("between replications: the parameters drift", "replication"),)
 SOMEWHERE = (("over pitch", "between-point"),)
 
@@ -202,7 +186,7 @@ SOMEWHERE = (("over pitch", "between-point"),)
         ([PADS], [sensor(effect("gear", aliases=["creep"]))], "WRONG WITHOUT A MARK"),
         ([UNKNOWN], [sensor(effect("outliers", stratum="noise"))], "noise only"),
         ([UNKNOWN], [sensor(unnamed=(("a wander", "noise"),))], "noise only"),
-        ([Judged(("outliers",), (), ())], [sensor(effect("outliers", stratum="noise"))], "right"),
+        ([Judged(("outliers",), ())], [sensor(effect("outliers", stratum="noise"))], "right"),
         ([UNKNOWN], [sensor(), sensor()], "silent"),
     ],
 )
@@ -245,42 +229,6 @@ def test_wilsons_interval_is_that_of_the_books():
     }
     for counts, ends in cases.items():
         assert wilson(*counts) == pytest.approx(ends, abs=1e-4)
-
-
-def test_the_lasso_meets_its_conditions_of_optimality_and_the_others_find_what_is_there():
-    rng = np.random.default_rng(5)
-    x = rng.standard_normal((80, 12))
-    x[:, 5] = x[:, 4] + 0.1 * x[:, 5]
-    y = 2.0 * x[:, 3] - x[:, 8] + 0.3 * rng.standard_normal(80)
-    products = Products.of(x, y)
-    penalties = np.max(np.abs(products.dot)) * np.array([0.5, 0.1, 0.02])
-    for penalty, beta in zip(penalties, lasso_path(products, penalties), strict=True):
-        slope = x.T @ (y - x @ beta)
-        assert np.all(np.abs(slope) <= penalty * 1.01)
-        active = beta != 0.0
-        assert np.any(active)
-        assert slope[active] == pytest.approx(penalty * np.sign(beta[active]), rel=1e-2)
-    assert {3, 8} <= set(stepwise(products))
-    assert sorted(stepwise(products, price=3.0)) == [3, 8]
-    assert np.flatnonzero(thresholded(products, 0.5)).tolist() == [3, 8]
-
-
-def test_a_smooth_curve_is_likelier_over_its_own_variable_and_not_over_another():
-    rng = np.random.default_rng(2)
-    here, there = rng.random(200), rng.random(200)
-    y = np.sin(5.0 * here) + 0.5 * rng.standard_normal(200)
-    assert likelier(here, y) > 50.0
-    assert likelier(there, y) < 3.0
-
-
-def test_knobs_let_each_peer_report_as_often_as_the_trace(folder):
-    stranger = load(folder)
-    nulls = [rows_of("general", made_of(stranger, "general", (), seed, 0.0)) for seed in range(100, 104)]
-    limits = {name: [peer.limit(rows) for rows in nulls] for name, peer in PEERS.items()}
-    for alarms in (0, 1):
-        at = knobs(limits, alarms)
-        for name, peer in PEERS.items():
-            assert sum(says(peer, rows, at[name], ()) != "silent" for rows in nulls) <= alarms
 
 
 def test_the_sets_of_this_folder_are_as_they_were_sealed():
