@@ -31,10 +31,10 @@ nights: $(STAMP)
 	.venv/bin/rig night --seeds 5000
 	.venv/bin/rig night --seeds 10 --full
 	.venv/bin/python -m proving.night.planted_bugs
-	.venv/bin/python -m proving.crashes.crash_points
-	.venv/bin/python -m proving.crashes.power_cuts --cuts 1000
-	.venv/bin/python -m proving.crashes.kill_campaign --kills 800
-	.venv/bin/python -m proving.crashes.kill_campaign --kills 200 --lab pressure
+	for part in points folded log file; do .venv/bin/python -m proving crashes $$part || exit 1; done
+	.venv/bin/python -m proving crashes power-cuts --seeds 50
+	.venv/bin/python -m proving crashes kills --only attitude --seeds 67
+	.venv/bin/python -m proving crashes kills --only pressure --seeds 17
 
 # Lines of the engine, the run file and the statistics changed one by one: do the tests notice? An hour.
 mutants: $(STAMP)

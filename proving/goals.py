@@ -1,23 +1,24 @@
 """Coverage of intervals of runs that stop once they are narrow enough, and replications beside an oracle's.
 
-python -m proving.goals [--runs 5000] [--seed 1] [--type-b 1.0] [--shape normal|rectangular]
+python -m proving goals [--seeds 5] [--type_b 1.0] [--shape normal|rectangular]
 
 Each run is a straight line over five settings with normal errors, three replications at first and thirty at most, and a
-goal of its own for the slope. With `--type-b` the reference has an error as well, of so many standard errors of a run
+goal of its own for the slope. With `--type_b` the reference has an error as well, of so many standard errors of a run
 that just meets the goal; the goal is then an expanded uncertainty with it. The oracle knows the error's standard
 deviation.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
-import sys
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study
+from proving.ledger import Result
 from rig.fitter.arrays import FloatArray
 from rig.fitter.budget import Influence, TypeA, budgets
 from rig.fitter.sequential import LEVEL, t_of, widening
@@ -74,27 +75,34 @@ def _expanded(s: float, df: float, u_b: float, shape: Any) -> float:
     return told[0].expanded_uncertainty
 
 
-def main() -> int:
-    """As the command line says; 1 if the coverage is not 94 to 96 %."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=int, default=5000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--type-b", type=float, default=0.0, help="error of the reference, standard errors of a run")
-    parser.add_argument("--shape", choices=("normal", "rectangular"), default="normal", help="of that error")
-    asked = parser.parse_args()
-    rng = np.random.default_rng(asked.seed)
-    told = [stopped(rng, asked.type_b, asked.shape) for _ in range(asked.runs)]
-    covered, by_t = (np.mean([getattr(one, name) for one in told]) for name in ("covered", "by_t"))
+def goals(runs: int = 1000, type_b: float = 0.0, shape: str = "normal") -> Study:
+    """Coverage of intervals, to be 94 to 96 %; `--type_b` in standard errors of a run, `--shape` normal or rectangular.
+
+    A seed is a stream of runs.
+    """
+    case = partial(_stream, runs=runs, type_b=type_b, shape=shape)
+    return Study({"runs": case}, _figures, fails=lambda rows: not 0.94 <= rows["runs"]["intervals that hold"] <= 0.96)
+
+
+def _stream(seed: int, runs: int, type_b: float, shape: str) -> Result:
+    rng = np.random.default_rng(seed)
+    return {"runs": [astuple(stopped(rng, type_b, shape)) for _ in range(runs)]}
+
+
+def _figures(results: Results) -> Figures:
+    told = [Stopped(*one) for result in results for one in result["runs"]]
     met = [one for one in told if one.met]
-    early = np.mean([one.covered for one in told if one.replications < one.oracle])
+    early = [one.covered for one in told if one.replications < one.oracle]
     ratio = np.mean([one.replications for one in met]) / np.mean([one.oracle for one in met])
-    print(
-        f"{asked.runs} runs of seed {asked.seed}: {covered:.4f} of the intervals hold, stated {LEVEL}; {by_t:.4f} by "
-        f"Student's t alone; {early:.4f} of runs that stopped before the oracle; goal met in {len(met)}, with "
-        f"{ratio:.3f} times the oracle's replications"
-    )
-    return 0 if 0.94 <= covered <= 0.96 else 1
+    return {
+        "intervals that hold": float(np.mean([one.covered for one in told])),
+        "stated": LEVEL,
+        "by Student's t alone": float(np.mean([one.by_t for one in told])),
+        "of runs that stopped before the oracle": float(np.mean(early)),
+        "goal met": len(met),
+        "replications over the oracle's": float(ratio),
+        "of": len(told),
+    }
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+PARTS = {"": Part(goals, 5, 1)}

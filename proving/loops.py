@@ -1,7 +1,7 @@
 """Loops in simulated worlds with one to three undeclared effects: are the true causes confirmed by morning, and at what
 cost?
 
-python -m proving.loops [--loops 10] [--seed 1] [--kind voltmeter|voltmeter-two|...] [--jobs 2]
+python -m proving loops [--seeds 10] [--kind voltmeter|voltmeter-two|...]
 
 Each loop is a dry one of 14 h in a world of its own seed and sizes of the effects, without a certificate. Printed of
 each kind: loops of which the trace found an effect; with every true cause confirmed and no other (right), with a part
@@ -11,22 +11,20 @@ effects, over the scatter of a row; bench hours over those of the whole design t
 
 from __future__ import annotations
 
-import argparse
-import itertools
-import os
 import random
 import statistics
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from proving.frame import Figures, Part, Results, Study
+from proving.ledger import Result
 from rig.bench.config import parse_toml
-from rig.drivers.clock import RealClock
 from rig.engine.session import Signals
+from rig.errors import UsageError
 from rig.examples import example
 from rig.files.toml_text import toml_text
 from rig.fitter.confirm.prediction import prediction_errors
@@ -322,49 +320,37 @@ def _allowed(kind: str) -> list[str]:
     ]
 
 
-def main() -> int:
-    """As the command line says."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--loops", type=int, default=10, help="loops of each kind")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--kind", choices=KINDS, action="append")
-    parser.add_argument("--jobs", type=int, default=2)
-    asked = parser.parse_args()
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    stopwatch = RealClock().stopwatch
-    seeds = range(asked.seed, asked.seed + asked.loops)
-    for kind in asked.kind or KINDS:
-        began = stopwatch()
-        with ProcessPoolExecutor(asked.jobs) as pool:
-            told = []
-            for seed, one in zip(seeds, pool.map(one_loop, itertools.repeat(kind), seeds), strict=True):
-                told.append(one)
-                both = "".join(f"{int(later)}{int(every)}" for _, later, every in one.held) or "-"
-                errors = "/".join("-" if x is None else f"{x:.2f}" for x in (one.before, one.after, one.traced))
-                result = f"{one.verdict} ({one.holds}), by the trace {one.by_trace or '-'}, error {errors}"
-                print(f"  {kind} {seed}: found {one.found}, {result}, held {both}, hours {one.hours:.2f}", flush=True)
-        before = [one.before for one in told if one.before is not None]
-        after = [one.after for one in told if one.after is not None]
-        words = ("right", "part", "wrong", "open", "no further run")
-        counted = ", ".join(f"{word} {sum(one.verdict == word for one in told)}" for word in words)
-        traced = [one.traced for one in told if one.traced is not None]
-        by_trace = ", ".join(f"{word} {sum(one.by_trace == word for one in told)}" for word in words[:4])
-        held = [one for loop in told for one in loop.held]
-        by_later, by_all = sum(one[1] for one in held), sum(one[2] for one in held)
-        left = sum("but the error" in one.said for one in told)
-        print(
-            f"{kind}: by the trace of the first run alone {by_trace}, error {_median(traced):.2f}; of {len(held)} "
-            f"intervals of confirmed sizes {by_later} hold by further runs, {by_all} by all runs; {left} loops say "
-            f"that error is left"
-        )
-        print(
-            f"{kind}, seeds {seeds.start} to {seeds.stop - 1}: found {sum(one.found for one in told)}, {counted}; "
-            f"error over scatter, median {_median(before):.2f} before, {_median(after):.2f} after; bench hours of the "
-            f"whole design twice, median {_median([one.hours for one in told]):.2f}; {stopwatch() - began:.0f} s",
-            flush=True,
-        )
-    return 0
+def loops(kind: str = "") -> Study:
+    """Dry loops in worlds of a kind, or of each: what is confirmed, errors, hours, sizes."""
+    if kind and kind not in KINDS:
+        raise UsageError(f"--kind {kind}: there are {', '.join(KINDS)}")
+    return Study({one: partial(_loop, kind=one) for one in ([kind] if kind else KINDS)}, _figures)
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def _loop(seed: int, kind: str) -> Result:
+    return {"seed": seed, **asdict(one_loop(kind, seed))}
+
+
+def _figures(results: Results) -> Figures:
+    words = ("right", "part", "wrong", "open", "no further run")
+    held = [one for loop in results for one in loop["held"]]
+    medians = {
+        name: _median([one[key] for one in results if one[key] is not None])
+        for name, key in (("error before", "before"), ("after", "after"), ("by the trace alone", "traced"),
+                          ("hours, of the whole design twice", "hours"))
+    }  # fmt: skip
+    return {
+        "found": sum(one["found"] for one in results),
+        **{word: sum(one["verdict"] == word for one in results) for word in words},
+        "by the trace of the first run alone": {w: sum(one["by_trace"] == w for one in results) for w in words[:4]},
+        **medians,
+        "intervals of confirmed sizes": len(held),
+        "that hold by further runs": sum(one[1] for one in held),
+        "by all runs": sum(one[2] for one in held),
+        "loops that say that error is left": sum("but the error" in one["said"] for one in results),
+        "of": len(results),
+        "which": {f"seed {one['seed']}": f"{one['verdict']} ({one['holds']})" for one in results},
+    }
+
+
+PARTS = {"": Part(loops, 10, 1)}

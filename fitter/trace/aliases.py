@@ -28,7 +28,7 @@ Units = list[tuple[int, ...]]
 
 DELTA = 9.0
 """Units of the error's variance; three standard errors. Calibrated: in 120 runs of 13 x 13 points the true cause lost
-its place to a luckier one with more columns 4 times at 6 and once at 9: python -m proving.statistics attitude width."""
+its place to a luckier one with more columns 4 times at 6 and once at 9: python -m proving attitude width."""
 NEARLY = 16.0
 """The same for a cause that the data exclude, but not so clearly that chance and the choice of the best of many could
 not have done it: the true cause was 3.1 standard errors behind in one of 24 runs of `confirm pairs`."""

@@ -22,7 +22,7 @@ class Limit:
         values: by kind, in the order of `KINDS`; None where a kind does not ask.
         unit: "1" for a probability, a share or a number; "nats".
         meaning: of a value on the side that decides.
-        campaign: that set it, `python -m proving.statistics ...`; "" for one that no campaign set.
+        campaign: that set it, `python -m proving ...`; "" for one that no campaign set.
     """
 
     name: str

@@ -1,7 +1,7 @@
-"""Certificates of random simulated runs: `python -m proving.certificates.runs --count 150 --schema dcc.xsd`.
+"""Certificates, random ones and those of random simulated runs: `python -m proving certificates runs --schema dcc.xsd`.
 
-Each seed is a stand with one to three sensors, its register, a run, and its certificate; half of the stands are of the
-kind "general", a quarter each of attitude and pressure. The XML is held to PTB's
+Each seed of `runs` is a stand with one to three sensors, its register, a run, and its certificate; half of the stands
+are of the kind "general", a quarter each of attitude and pressure. The XML is held to PTB's
 schema and Schematron and read back; every number of the page is looked for in the run file, the settings, and what a
 budget and a trace of the run file have. Coefficients of general and attitude stands are fitted a
 second time, by numpy alone, from the observations.
@@ -9,13 +9,13 @@ second time, by numpy alone, from the observations.
 
 from __future__ import annotations
 
-import argparse
 import datetime
 import json
 import random
 import re
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from html import unescape
 from pathlib import Path
 from typing import Any
@@ -23,9 +23,13 @@ from typing import Any
 import numpy as np
 from scipy import special
 
-from proving.certificates.campaign import Check, by_schema, not_read_back, rules
+from proving.certificates import checks as checks_of
+from proving.certificates.checks import Check, not_read_back
 from proving.certificates.labs import AttitudeStand, LabStand, PressureStand
+from proving.frame import Figures, Part, Results, Study
+from proving.ledger import Result
 from rig.engine.session import Signals
+from rig.errors import UsageError
 from rig.procedures.evaluate.reversibility import SERIES
 from rig.run_file.read.reader import RunReader
 from rig.runs.controller import start_run
@@ -291,7 +295,7 @@ def not_in_run(page: str, numbers: list[float], texts: str, document: Document) 
     return found
 
 
-def violations(kind: str, seed: int, folder: Path, checks: list[Check]) -> list[str]:
+def violations(kind: str, seed: int, folder: Path, checks: Sequence[Check]) -> list[str]:
     """All that is wrong with the certificate of the run of a seed."""
     stand = stand_of(kind, seed, folder)
     run = run_of(stand)
@@ -307,32 +311,41 @@ def violations(kind: str, seed: int, folder: Path, checks: list[Check]) -> list[
     return found
 
 
-def main() -> int:
-    """Exit code 1 if anything is wrong with any certificate, or a run has none."""
-    options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    options.add_argument("--count", type=int, default=150)
-    options.add_argument("--first", type=int, default=0, help="first seed")
-    options.add_argument("--kind", choices=("mixed", *KINDS), default="mixed")
-    options.add_argument("--schema", type=Path, help="PTB's schema 3.2.0; without it only the Schematron is checked")
-    asked = options.parse_args()
-    checks = [rules(), *([by_schema(asked.schema)] if asked.schema else [])]
-    wrong, refused = 0, 0
-    for seed in range(asked.first, asked.first + asked.count):
-        with tempfile.TemporaryDirectory() as folder:
-            try:
-                found = violations(asked.kind, seed, Path(folder), checks)
-            except Refused as why:
-                refused += 1
-                print(f"seed {seed}: refused: {why.reasons[0]}", flush=True)
-                continue
-        wrong += bool(found)
-        for one in found[:5]:
-            print(f"seed {seed}: {one}", flush=True)
-    how = "schema and Schematron" if asked.schema else "Schematron"
-    made = asked.count - refused
-    print(f"{asked.count} runs: {refused} refused; {made} certificates by {how}: {wrong} with something wrong")
-    return int(wrong > 0)
+def documents(schema: str = "", paper: int = 20) -> Study:
+    """Random certificates, with any characters; each `--paper`-th is printed, too."""
+    return _study({"random certificates": partial(_document, schema=schema, paper=paper)})
 
 
-if __name__ == "__main__":
-    raise SystemExit(main())
+def _document(seed: int, schema: str, paper: int) -> Result:
+    found = checks_of.violations(seed, checks_of.checks(schema), paper=bool(paper) and seed % paper == 0)
+    return {"seed": seed, "wrong": found[:5], "refused": ""}
+
+
+def runs(kind: str = "mixed", schema: str = "") -> Study:
+    """Certificates of random simulated runs, of one kind or mixed."""
+    if kind not in ("mixed", *KINDS):
+        raise UsageError(f"--kind {kind}: there are mixed, {', '.join(KINDS)}")
+    return _study({f"certificates of {kind} runs": partial(_run, kind=kind, schema=schema)})
+
+
+def _run(seed: int, kind: str, schema: str) -> Result:
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            found = violations(kind, seed, Path(folder), checks_of.checks(schema))
+        except Refused as why:
+            return {"seed": seed, "wrong": [], "refused": why.reasons[0]}
+    return {"seed": seed, "wrong": found[:5], "refused": ""}
+
+
+def _study(cases: Mapping[str, Callable[[int], Result]]) -> Study:
+    return Study(cases, _told, fails=lambda rows: any(row["with something wrong"] for row in rows.values()))
+
+
+def _told(results: Results) -> Figures:
+    said = {f"seed {one['seed']}": one["wrong"] for one in results if one["wrong"]}
+    said |= {f"seed {one['seed']}": f"refused: {one['refused']}" for one in results if one["refused"]}
+    wrong, refused = (sum(bool(one[name]) for one in results) for name in ("wrong", "refused"))
+    return {"of": len(results), "refused": refused, "with something wrong": wrong, "which": said}
+
+
+PARTS = {"documents": Part(documents, 1000), "runs": Part(runs, 150)}

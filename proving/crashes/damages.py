@@ -1,6 +1,6 @@
 """Run files damaged byte by byte: what opening them says, and whether they can be gone on with.
 
-The quick tests do a share of it, `crash_points` all of it.
+The quick tests do a share of it, `python -m proving crashes` all of it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Real SIGKILLs of real controllers: start, kill at a random moment, resume, kill again, and count what is left.
 
-The quick tests make a few kills, `kill_campaign` many.
+The quick tests make a few kills, `python -m proving crashes kills` many.
 """
 
 from __future__ import annotations

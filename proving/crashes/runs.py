@@ -1,6 +1,6 @@
 """Short dry runs on a simulated disk that crash where they are told to, and what must be true of them afterwards.
 
-The quick tests do a share of it, `crash_points` and `power_cuts` all of it.
+The quick tests do a share of it, `python -m proving crashes` all of it.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ from unittest.mock import patch
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study, pooled
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.attitude import D1, Bench, Outputs, Plan, Sensor, simulate, told_the_truth
 from proving.truth.attitude_hidden import CLEAN, HIDDEN, PADS_AND_TEMPERATURE, sized, together
 from rig.fitter.trace import aliases

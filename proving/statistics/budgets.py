@@ -11,8 +11,8 @@ from typing import Any, Literal, cast
 import numpy as np
 from GTC import core, reporting
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.budgets import SHAPES, Laboratory, laboratory
 from rig.fitter.arrays import FloatArray
 from rig.fitter.budget import EXCESS, Budgeted, Correlation, Influence, TypeA, budgets, check, combine, monte_carlo
@@ -167,4 +167,4 @@ def _covering(results: Results) -> Figures:
 
 
 PARTS = {"engine": Part(engine, 200), "simulated": Part(simulated, 200), "coverage": Part(coverage, 500)}
-"""`python -m proving.statistics budgets engine`; docs/explanation/uncertainty.md."""
+"""`python -m proving budgets engine`; docs/explanation/uncertainty.md."""

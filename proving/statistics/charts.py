@@ -11,8 +11,8 @@ from functools import partial
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.chart import KINDS, draw_history, largest_error_deg
 from rig.fitter.history import Between, error_bound, homogeneity, limits, step, trend
 from rig.procedures.attitude.history import attitude_charted, calibrated

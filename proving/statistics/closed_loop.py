@@ -9,9 +9,9 @@ import tempfile
 from functools import partial
 from pathlib import Path
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
 from proving.statistics.dry_runs import dry
-from proving.statistics.frame import Figures, Part, Results, Study
 from rig.by_kind import trace_table
 from rig.examples import example
 from rig.procedures.attitude.evaluate import AttitudeTraced

@@ -12,10 +12,10 @@ import tempfile
 from functools import partial
 from pathlib import Path
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
 from proving.statistics.confirm_any import confirmed, judged, loops
 from proving.statistics.dry_runs import Truth, one_sensor
-from proving.statistics.frame import Figures, Part, Results, Study
 from rig.verbs.confirm import open_traced
 
 PADS: Truth = {"isolation_pad": {"pitch_compliance_deg_per_g": 5e-4}}

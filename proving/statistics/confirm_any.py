@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from proving.frame import Figures, Results, Study
 from proving.ledger import Result
 from proving.statistics.dry_runs import dry, plan_from, read
-from proving.statistics.frame import Figures, Results, Study
 from rig.verbs.confirm import First, consider, following, judge, open_traced, plan_for, propose
 
 

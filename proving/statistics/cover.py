@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
 from proving.statistics.confirm import NO_ROLL
 from proving.statistics.dry_runs import Truth, one_sensor
-from proving.statistics.frame import Figures, Part, Results, Study
 from rig.by_kind import fit_table
 from rig.tables.table_of_run import run_table
 

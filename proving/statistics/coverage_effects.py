@@ -16,8 +16,8 @@ from typing import Any, cast
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study, pooled
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.attitude import D1, simulate, volts
 from proving.truth.attitude_hidden import HIDDEN, sized
 from proving.truth.stands import EFFECTS, METERS, USUAL_degC, stand
@@ -217,4 +217,4 @@ PARTS = {
     "whole-plots": Part(whole_plots, 200),
     "attitude": Part(attitude, 100),
 }
-"""`python -m proving.statistics coverage-effects general`; proving/notes/coverage_effects.md."""
+"""`python -m proving coverage-effects general`; proving/notes/coverage_effects.md."""

@@ -9,8 +9,8 @@ from functools import partial
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.loops import pitch_run, transducer_output, whole_plots
 from rig.fitter.budget import Budgeted, budgets
 from rig.procedures.attitude.budget import AttitudeEvaluation
@@ -94,4 +94,4 @@ def shares(results: Results) -> Figures:
 
 
 PARTS = {"either-side": Part(either_side, 500)}
-"""`python -m proving.statistics coverage-sides either-side`; proving/notes/budgets.md."""
+"""`python -m proving coverage-sides either-side`; proving/notes/budgets.md."""

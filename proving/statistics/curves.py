@@ -12,8 +12,8 @@ from functools import partial
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.curves import TRUTHS, calibration, readings
 from rig.procedures.general.declared import Declared, model_of
 from rig.procedures.general.fit import calibration_of

@@ -15,9 +15,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
 from proving.statistics.dry_runs import dry
-from proving.statistics.frame import Figures, Part, Results, Study
 from rig.engine.early_warning import EarlyWarnings
 from rig.examples import example
 from rig.procedures.plan.expected import Previous

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
 from proving.statistics.dry_runs import Truth, dry, plan_from, read
-from proving.statistics.frame import Figures, Part, Results, Study
 from rig.fitter.confirm import NOTHING, Confirmation, Separation
 from rig.verbs.confirm import consider, judge, open_traced, plan_for, propose
 

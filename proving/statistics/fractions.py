@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.attitude import D1, Bench, simulate
 from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.fractions_compared import compare_fractions

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth import attitude, whole_plot
 from rig.fitter.arrays import FloatArray
 from rig.fitter.gross import GrossErrors

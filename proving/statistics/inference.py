@@ -10,8 +10,8 @@ from functools import partial
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.attitude import Bench, Plan, Sensor, volts, without_noise
 from rig.fitter.arrays import FloatArray
 from rig.fitter.quantiles import t_limit

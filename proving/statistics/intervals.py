@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study, pooled
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.attitude import D1
 from proving.truth.attitude import Bench as Head
 from proving.truth.attitude import simulate as simulate_night

@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
 from proving.statistics.dry_runs import dry, plan_from, read
-from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.instruments import CAUSES
 from rig.procedures.column_names import stem_of
 from rig.procedures.general.column_roles import Roles, roles_of

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from proving.frame import Figures, Part, Results, Study, pooled
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.laws import Law, drawn, laws
 from proving.truth.table import Lab, options, simulate
 from rig.fitter.trace.engine.judge import TableJudge

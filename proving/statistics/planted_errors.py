@@ -13,8 +13,8 @@ from functools import partial
 import numpy as np
 from scipy import special
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth import attitude, whole_plot
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.formula import Formula

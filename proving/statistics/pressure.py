@@ -10,8 +10,8 @@ from functools import cache, partial
 import numpy as np
 from scipy.special import ndtri, stdtr
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.pressure import GROWING, GROWING_AND_CUBIC, HOMOSCEDASTIC, Transducer, simulate
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.quantiles import t_limit

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth import laboratories as truth
 from proving.truth import pressure as bridge
 from rig.fitter.arrays import FloatArray

@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study
 from proving.truth.split_plot import NAMES, WHOLE_PLOT, columns
 from rig.fitter.split_plot import SplitPlotDesign
 

@@ -7,9 +7,11 @@ from functools import partial
 from pathlib import Path
 
 import proving.strangers
-from proving.statistics.frame import Figures, Part, Results, Study
+from proving.frame import Figures, Part, Results, Study
+from proving.ledger import Result
 from proving.strangers import runs
 from proving.strangers.judge import judge_of
+from proving.strangers.loops import KIND, one_loop
 from proving.strangers.sets import load, opened
 from proving.strangers.shares import alarms, classes
 from rig.errors import UsageError
@@ -80,6 +82,23 @@ def nulls(set: str = "") -> Study:  # noqa: A002
     return Study(cases, _alarms, totals)
 
 
+def loops(set: str = "", size: float = 2.0) -> Study:  # noqa: A002
+    """Loops on a bench with causes of a set, of so many standard deviations of a row: what is confirmed."""
+    folder = _folder(set)
+    stranger = load(folder)
+    judge_of(stranger)
+    names = [names[0] for names in stranger.effects(KIND) if len(names) == 1]
+    return Study({name: partial(_loop, folder=folder, name=name, size=size) for name in names}, _said)
+
+
+def _loop(seed: int, folder: Path, name: str, size: float) -> Result:
+    return {"seed": seed, "said": one_loop(seed, folder, name, size)}
+
+
+def _said(results: Results) -> Figures:
+    return {f"seed {one['seed']}": one["said"] for one in results}
+
+
 def _runs(results: Results) -> Figures:
     """Each run of a case in one line."""
     lines = {f"seed {one['seed']}": f"{one['class']}. {one['line']}" for one in results}
@@ -107,4 +126,5 @@ def _numbers(text: str) -> list[float]:
 PARTS = {
     "effects": Part(effects, seeds=2, first=1),
     "nulls": Part(nulls, seeds=10, first=1),
+    "loops": Part(loops, seeds=1, first=1),
 }

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study, pooled
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.truth.table import MISSING, Lab, options, simulate
 from rig.errors import UsageError
 from rig.procedures.general.column_roles import Roles, roles_of

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study, pooled
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.statistics.told import free_of, powers
 from proving.truth.table import MISSING, Missing, options, simulate
 from rig.procedures.general.column_roles import Roles, roles_of

@@ -13,8 +13,8 @@ from functools import partial
 
 import numpy as np
 
+from proving.frame import Figures, Part, Results, Study, pooled
 from proving.ledger import Result
-from proving.statistics.frame import Figures, Part, Results, Study, pooled
 from proving.statistics.told import free_of, powers
 from proving.truth.whole_plot import CUBIC, GROWING, Bench, Run, Transducer, simulate
 from proving.truth.whole_plot_hidden import HIDDEN, Hiding, hide

@@ -1,6 +1,6 @@
 """Loops on a bench with physics of strangers: is the right cause confirmed, a wrong one, or nothing?
 
-python -m proving.strangers.loops --set sixteenth [--effects bubble,short_rest] [--seed 1] [--size 2]
+python -m proving strangers loops [--set FOLDER] [--only bubble] [--size 2] --seeds 1
 
 The cause of a stranger's attitude laboratory is added to every reading of one simulated sensor: of a pose, its time and
 what went before. Each loop has one such cause, of a size in standard deviations of a row, and the judge's list of its
@@ -9,10 +9,7 @@ set says which names are right. The bench makes its further runs alone.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
-import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -22,10 +19,9 @@ from typing import Any
 import numpy as np
 
 from proving.loops import Silent
-from proving.strangers.judge import Judge, Judged, judge_of
+from proving.strangers.judge import Judged, judge_of
 from proving.strangers.sets import StrangerSet, load
 from rig.bench.config import parse_toml
-from rig.drivers.clock import RealClock
 from rig.engine.session import Signals
 from rig.examples import example
 from rig.files.toml_text import toml_text
@@ -203,11 +199,12 @@ def verdict_of(judged: Judged, named: list[str]) -> str:
     return "right by a near name" if all(judged.only_near(name) for name in named) else "right"
 
 
-def one_loop(chosen: StrangerSet, judge: Judge, name: str, seed: int, size: float) -> str:
+def one_loop(seed: int, folder: Path, name: str, size: float) -> str:
     """Conduct a loop; its verdict and answers in words."""
+    chosen = load(folder)
     module: Any = chosen.modules[KIND]
     feel = getattr(module, "upward", None) or module.gravity
-    (judged,) = judge.of(KIND, [name])
+    (judged,) = judge_of(chosen).of(KIND, [name])
     with tempfile.TemporaryDirectory() as text:
         folder = Path(text)
         laboratory(folder, seed)
@@ -231,27 +228,3 @@ def one_loop(chosen: StrangerSet, judge: Judge, name: str, seed: int, size: floa
         answers = "; ".join(f"{one.effect}: {one.verdict} {'/'.join(one.holding)}" for one in told.answers)
         errors = f"error {error.before / error.sigma:.2f} before, {error.after / error.sigma:.2f} after"
         return f"{verdict_of(judged, named)}; trace: {traced}; {answers}; {errors}; {program.closed.why}"
-
-
-def main() -> int:
-    """As the command line says."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--set", type=Path, default=Path(__file__).parent / "sixteenth")
-    parser.add_argument("--effects", help="names, with commas between; by default all")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--size", type=float, default=2.0, help="standard deviations of a row")
-    asked = parser.parse_args()
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    chosen = load(asked.set)
-    judge = judge_of(chosen)
-    names = asked.effects.split(",") if asked.effects else list(chosen.modules[KIND].EFFECTS)
-    stopwatch = RealClock().stopwatch
-    for name in names:
-        began = stopwatch()
-        print(f"{name} {asked.seed}: {one_loop(chosen, judge, name, asked.seed, asked.size)}; "
-              f"{stopwatch() - began:.0f} s", flush=True)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -165,7 +165,7 @@ def test_two_statements_of_one_sort_are_two_influences(run, tmp_path):
 
 @pytest.mark.parametrize(("kind", "seed"), [("general", 96), ("attitude", 1), ("pressure", 3)])
 def test_every_number_of_the_page_of_a_random_run_is_in_its_run_file(kind, seed, tmp_path):
-    """A share of `python -m proving.certificates.runs`; one digit changed is found."""
+    """A share of `python -m proving certificates runs`; one digit changed is found."""
     from proving.certificates import runs  # noqa: PLC0415
 
     stand = runs.stand_of(kind, seed, tmp_path)

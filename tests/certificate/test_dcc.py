@@ -319,7 +319,7 @@ def test_a_missing_extra_is_named(monkeypatch):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_random_certificates_break_no_rule_and_are_read_back(rules, seed):
-    """A share of `python -m proving.certificates.campaign`."""
-    from proving.certificates.campaign import violations  # noqa: PLC0415
+    """A share of `python -m proving.certificates.checks`."""
+    from proving.certificates.checks import violations  # noqa: PLC0415
 
     assert violations(seed, [lambda xml: broken(rules, xml)], paper=seed == 0) == []

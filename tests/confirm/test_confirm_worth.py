@@ -61,7 +61,7 @@ def test_of_nine_sizes_of_a_design_few_are_simulated_to_find_the_shortest_that_t
     confirming = SimpleNamespace(hours=lambda variation, run_list: float(len(run_list) or 6))
     first = SimpleNamespace(confirming=confirming, procedure=SimpleNamespace(expand=lambda: ()))
     group = [SimpleNamespace(run_list=range(size)) for size in range(1, 10)]
-    assert best(first, group, None).hours == hours
+    assert best(first, group).hours == hours
     assert len(simulated) == len(set(simulated)) <= 5
 
 

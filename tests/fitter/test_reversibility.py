@@ -135,7 +135,7 @@ def test_readings_of_either_direction_are_covered_and_the_loop_counts_once(kind,
     """It was in the scatter, too, which was 1.3 and 5 times as wide, and 99 to 100 % were covered.
 
     Of so few laboratories at least 85 % of readings are covered, where 95 % are; U is for the farther side of a design
-    whose ends have one side each, and so covers up to 97.5 % (`python -m proving.statistics coverage-sides`).
+    whose ends have one side each, and so covers up to 97.5 % (`python -m proving coverage-sides`).
     """
     found = [coverage_sides.laboratory(seed, kind) for seed in range(laboratories)]
     figures = coverage_sides.shares(found)

@@ -1,4 +1,4 @@
-"""Loops of other kinds, with the true cause hidden in the simulated world (`python -m proving.loops` does many)."""
+"""Loops of other kinds, with the true cause hidden in the simulated world (`python -m proving loops` does many)."""
 
 from __future__ import annotations
 

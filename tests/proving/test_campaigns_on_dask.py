@@ -15,8 +15,8 @@ import toys
 from command import rig
 
 from proving.executor import Dask, WorkersDie
+from proving.frame import main as statistics
 from proving.seeds import Campaign, Place
-from proving.statistics.frame import main as statistics
 
 pytest.importorskip("distributed", reason="pip install -c constraints.txt -e '.[dask]'")
 

@@ -1,4 +1,4 @@
-"""A share of `python -m proving.statistics curves`: 95 % intervals of calibrations of curves hold the truth."""
+"""A share of `python -m proving curves`: 95 % intervals of calibrations of curves hold the truth."""
 
 from __future__ import annotations
 

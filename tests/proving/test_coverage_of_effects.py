@@ -1,6 +1,6 @@
 """Results where nobody declared an effect, beside what the world gives at rest: a share of the campaign.
 
-In full: `python -m proving.statistics coverage_effects general`; figures in proving/notes/coverage_effects.md.
+In full: `python -m proving coverage_effects general`; figures in proving/notes/coverage_effects.md.
 """
 
 from __future__ import annotations

@@ -14,12 +14,12 @@ import pytest
 import toys
 
 from proving.executor import Processes
+from proving.frame import MODULES, Study, asked, main, parts_of, run
 from proving.seeds import Place
-from proving.statistics import frame, gross_errors
-from proving.statistics.frame import NAMES, Study, asked, main, parts_of, run
+from proving.statistics import gross_errors
 from proving.statistics.gross_errors import CASES
 
-FOLDER = Path(frame.__file__).parent
+FOLDER = Path(gross_errors.__file__).parent
 ROOT = Path(__file__).parents[2]
 SEEDS = range(4, 12)
 
@@ -36,19 +36,20 @@ TOY = Study({name: partial(toys.times, factor=factor) for name, factor in (("onc
 
 
 def test_every_module_is_a_campaign_that_can_be_asked_for():
-    frames = {"__init__", "__main__", "frame", "told", "dry_runs", "confirm_any"}  # the last is a part of `confirm`
-    assert {path.stem for path in FOLDER.glob("*.py")} - frames == set(NAMES)
+    others = {"__init__", "told", "dry_runs", "confirm_any"}  # the last is a part of `confirm`
+    of_data = {module.rpartition(".")[2] for module in MODULES.values() if module.startswith("proving.statistics.")}
+    assert {path.stem for path in FOLDER.glob("*.py")} - others == of_data
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", MODULES)
 def test_help_of_every_campaign_names_its_options(name, capsys):
     with pytest.raises(SystemExit) as end:
-        asked(name.replace("_", "-"), ["--help"])
+        asked(name, ["--help"])
     assert end.value.code == 0
-    assert f"python -m proving.statistics {name.replace('_', '-')}" in capsys.readouterr().out
+    assert f"python -m proving {name}" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", MODULES)
 def test_every_part_has_cases_that_workers_can_be_given_and_says_what_it_is(name, tmp_path):
     (tmp_path / "commands.toml").write_text("[one]\n")
     for part in parts_of(name).values():
@@ -121,7 +122,7 @@ def test_figures_are_said_in_words(capsys):
 COMMANDS = [
     shlex.split(command)
     for document in sorted([*ROOT.glob("docs/**/*.md"), *ROOT.glob("proving/notes/*.md")])
-    for command in re.findall(r"`python -m proving\.statistics ([^`]*)`", document.read_text(encoding="utf-8"))
+    for command in re.findall(r"`python -m proving ([^`]*)`", document.read_text(encoding="utf-8"))
 ]
 
 
@@ -129,7 +130,7 @@ def test_commands_in_the_documents_can_be_asked_for():
     """Those without a part name the campaign in the caption of a table whose rows have the parts."""
     whole = [command for command in COMMANDS if command[-1] != "..." and command != ["whole-plots"]]
     assert len(whole) > 20
-    assert {name for name, *_ in COMMANDS} == {name.replace("_", "-") for name in NAMES}
+    assert {name for name, *_ in COMMANDS} == set(MODULES)
     for name, *words in whole:
         asked(name, words)  # ends the program where there is no such option
 

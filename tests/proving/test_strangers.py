@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from strangers_tables import table
 
-from proving.statistics.frame import main
+from proving.frame import main
 from proving.strangers.judge import Judged, judge_of
 from proving.strangers.runs import scored
 from proving.strangers.scoring import CLASSES, alarm, class_of, found, said_of

@@ -1,4 +1,4 @@
-"""A share of `proving.crashes.crash_points` and `power_cuts`: crashes, power cuts and damage, and nothing lost."""
+"""A share of `python -m proving crashes`: crashes, power cuts and damage, and nothing lost."""
 
 from __future__ import annotations
 

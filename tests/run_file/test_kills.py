@@ -1,4 +1,4 @@
-"""A bounded share of the kill campaign; the whole of it is `proving/crashes/kill_campaign.py`."""
+"""A bounded share of the kill campaign; the whole of it is `python -m proving crashes kills`."""
 
 from __future__ import annotations
 

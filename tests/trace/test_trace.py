@@ -102,7 +102,7 @@ def test_same_data_same_answer():
 
 
 def test_demo_on_a_smaller_design():
-    """A bounded share of the 20-seed study; the whole of it: python -m proving.statistics attitude night."""
+    """A bounded share of the 20-seed study; the whole of it: python -m proving attitude night."""
     found = [names(trace(simulate(DEMO, SMALL, seed)[0], validate=False)) for seed in (101, 102)]
     assert found == [DEMO_NAMES] * 2
 
@@ -124,7 +124,7 @@ def test_two_replications_do_not_end_in_a_crowd_of_stand_ins():
     ids=["clean", "offsets of replications", "offsets that walk", "an offset that walks all night", "a shaking head"],
 )
 def test_nothing_is_reported_where_nothing_is(bench):
-    """Two runs of three sensors each, fixed seeds; the rates over many: python -m proving.statistics attitude noise."""
+    """Two runs of three sensors each, fixed seeds; the rates over many: python -m proving attitude noise."""
     reported = [names(trace(simulate(bench, D1(90, 13, 13), seed)[0], validate=False)) for seed in range(2)]
     assert reported == [set()] * 2
 

@@ -95,7 +95,7 @@ QUICK = ("I.12.1", "II.10.9", "III.14.14")
 
 @pytest.mark.parametrize("number", QUICK)
 def test_no_verdict_about_a_shifted_law_is_blind(number):
-    """A share of `python -m proving.statistics laws verdicts`."""
+    """A share of `python -m proving laws verdicts`."""
     assert not blind(judged(laws()[number], 0))
 
 

@@ -180,13 +180,13 @@ def test_third_order_temperature_is_a_class_of_two():
     ids=["clean", "growing sd", "shared error", "broken", "no whole-plot error", "sensitivity again", "long tails"],
 )
 def test_nothing_is_reported_where_nothing_is(bench, run):
-    """Three runs each, fixed seeds; the rates over 100: python -m proving.statistics whole-plots clean."""
+    """Three runs each, fixed seeds; the rates over 100: python -m proving whole-plots clean."""
     reported = [effects_of(trace_whole_plots(simulate(bench, run, seed), validate=False)) for seed in range(200, 203)]
     assert reported == [set()] * 3
 
 
 def test_the_cubic_of_the_paper_and_nothing_else():
-    """Scatter growing as 0.4 + 0.3 P; 20 seeds: python -m proving.statistics whole-plots cubic."""
+    """Scatter growing as 0.4 + 0.3 P; 20 seeds: python -m proving whole-plots cubic."""
     for seed in range(3):
         found = trace_whole_plots(simulate(Bench((Transducer(cubic=CUBIC),), GROWING), seed=seed), validate=False)
         assert effects_of(found) == {(ONE, "pressure-third-order")}
@@ -452,7 +452,7 @@ def test_readings_that_stand_out_neither_hide_nor_make_an_effect():
 
 @pytest.mark.parametrize("pressures", ["random", "ascending"])
 def test_errors_that_are_remembered_are_no_effect(pressures):
-    """Correlation 0.8 from reading to reading; the rates: python -m proving.statistics whole-plots clean."""
+    """Correlation 0.8 from reading to reading; the rates: python -m proving whole-plots clean."""
     found = trace_whole_plots(simulate(Bench(remembered=0.8), Run(pressures=pressures), seed=4), validate=False)
     (effect,) = found.sensors[ONE].effects
     assert (effect.effect, effect.stratum) == ("autocorrelation", "noise")

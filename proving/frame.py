@@ -1,4 +1,4 @@
-"""The one command of all these campaigns: what is asked, who works it out, what is printed of it."""
+"""The one command of campaigns of seeds: what is asked, who works it out, what is printed of it."""
 
 from __future__ import annotations
 
@@ -24,34 +24,19 @@ Figures = dict[str, Any]
 """What is counted, by name, made of what JSON has."""
 Results = Sequence[Result]
 
-NAMES = (
-    "attitude",
-    "budgets",
-    "charts",
-    "closed_loop",
-    "confirm",
-    "cover",
-    "coverage_effects",
-    "coverage_sides",
-    "curves",
-    "early_warnings",
-    "forecasts",
-    "fractions",
-    "gross_errors",
-    "inference",
-    "intervals",
-    "laboratories",
-    "laws",
-    "planted_errors",
-    "pressure",
-    "registers",
-    "split_plots",
-    "strangers",
-    "tables",
-    "tables_power",
-    "whole_plots",
-)
-"""Campaigns: each a module beside this one, with its `PARTS`."""
+_OF_DATA = (
+    "attitude", "budgets", "charts", "closed_loop", "confirm", "cover", "coverage_effects", "coverage_sides", "curves",
+    "early_warnings", "forecasts", "fractions", "gross_errors", "inference", "intervals", "laboratories", "laws",
+    "planted_errors", "pressure", "registers", "split_plots", "strangers", "tables", "tables_power", "whole_plots",
+)  # fmt: skip
+MODULES = {
+    **{name.replace("_", "-"): f"proving.statistics.{name}" for name in _OF_DATA},
+    "certificates": "proving.certificates.runs",
+    "crashes": "proving.crashes.campaigns",
+    "goals": "proving.goals",
+    "loops": "proving.loops",
+}
+"""Campaigns: each is a module with its `PARTS`."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +48,7 @@ class Study:
         figures: of a case's results, in order of their seeds.
         totals: further rows of figures, from the results of all cases.
         enough: whether a case needs no more seeds.
+        fails: whether figures, by case, are those of a failure.
         block: seeds that are worked through together.
 
     """
@@ -71,6 +57,7 @@ class Study:
     figures: Callable[[Results], Figures]
     totals: Callable[[Mapping[str, Results]], Mapping[str, Figures]] | None = None
     enough: Callable[[Results], bool] | None = None
+    fails: Callable[[Mapping[str, Figures]], bool] = lambda _: False
     block: int = 1
 
 
@@ -97,11 +84,13 @@ class Told:
     Attributes:
         rows: figures, by case, and the totals.
         digest: of all results, in order.
+        failed: whether figures are those of a failure.
 
     """
 
     rows: Mapping[str, Figures]
     digest: str
+    failed: bool = False
 
 
 def pooled(figures: Callable[[Results], Figures]) -> Callable[[Mapping[str, Results]], Mapping[str, Figures]]:
@@ -141,7 +130,7 @@ def run(study: Study, name: str, seeds: range, place: Place) -> Told:
                         break
     rows = {case: study.figures(known) for case, known in found.items()}
     totals = {} if study.totals is None else study.totals(found)
-    return Told({**rows, **totals}, str(digest))
+    return Told({**rows, **totals}, str(digest), study.fails(rows))
 
 
 def _one(number: int, cases: Sequence[Callable[[int], Result]]) -> Result:
@@ -149,9 +138,9 @@ def _one(number: int, cases: Sequence[Callable[[int], Result]]) -> Result:
 
 
 def main(words: Sequence[str]) -> int:
-    """As the command line says."""
-    parser = argparse.ArgumentParser(prog="python -m proving.statistics", description=__doc__)
-    parser.add_argument("campaign", choices=[name.replace("_", "-") for name in NAMES])
+    """As the command line says; 1 if the campaign has found a failure."""
+    parser = argparse.ArgumentParser(prog="python -m proving", description=__doc__)
+    parser.add_argument("campaign", choices=MODULES)
     campaign = parser.parse_args(words[:1]).campaign
     given = asked(campaign, words[1:])
     part = parts_of(campaign)[given.part]
@@ -167,13 +156,13 @@ def main(words: Sequence[str]) -> int:
         return int(error.exit_code)
     if given.json:
         print_json({"digest": told.digest, "rows": told.rows})
-        return 0
+        return int(told.failed)
     for row, figures in told.rows.items():
         line = f"{row}: {said(figures)}"
         for text in [line] if len(line) <= _WIDE else [row, *(f"  {name}: {said(figures[name])}" for name in figures)]:
             out.print(text, soft_wrap=True, markup=False, highlight=False)
     out.print(f"digest {told.digest}", soft_wrap=True, highlight=False)
-    return 0
+    return int(told.failed)
 
 
 _WIDE = 140
@@ -181,7 +170,7 @@ _WIDE = 140
 
 def parts_of(campaign: str) -> Mapping[str, Part]:
     """Parts of a campaign, by name; "" where there is one."""
-    parts: Mapping[str, Part] = import_module(f"proving.statistics.{campaign.replace('-', '_')}").PARTS
+    parts: Mapping[str, Part] = import_module(MODULES[campaign]).PARTS
     return parts
 
 
@@ -196,11 +185,9 @@ def _only(study: Study, words: str) -> Study:
 def asked(campaign: str, words: Sequence[str]) -> argparse.Namespace:
     """Options of a campaign; argparse ends the program where they are none."""
     parts = parts_of(campaign)
-    about = import_module(f"proving.statistics.{campaign.replace('-', '_')}").__doc__
+    about = import_module(MODULES[campaign]).__doc__
     shape = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(
-        prog=f"python -m proving.statistics {campaign}", description=about, formatter_class=shape
-    )
+    parser = argparse.ArgumentParser(prog=f"python -m proving {campaign}", description=about, formatter_class=shape)
     if "" in parts:
         parser.set_defaults(part="")
         _options(parser, parts[""])

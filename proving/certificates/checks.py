@@ -1,14 +1,14 @@
-"""Random certificates held to PTB's schema and Schematron, and read back: `python -m proving.certificates.campaign`.
+"""Certificates held to PTB's schema and Schematron, and read back.
 
-The schema is not shipped: name it with `--schema`. The Schematron needs the extra `schematron`.
+The schema is not shipped. The Schematron needs the extra `schematron`.
 """
 
 from __future__ import annotations
 
-import argparse
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from decimal import Decimal
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,12 @@ def rules() -> Check:
 def by_schema(schema: Path) -> Check:
     """PTB's schema, as a check of a certificate."""
     return lambda xml: [f"schema: {one}" for one in schema_errors(xml, schema)]
+
+
+@cache
+def checks(schema: str) -> tuple[Check, ...]:
+    """By the Schematron, and by a schema if its file is given."""
+    return (rules(), *([by_schema(Path(schema))] if schema else []))
 
 
 def not_read_back(document: Document, xml: bytes) -> list[str]:
@@ -78,33 +84,9 @@ def not_on_paper(document: Document) -> list[str]:
     ]
 
 
-def violations(seed: int, checks: list[Check], *, paper: bool) -> list[str]:
+def violations(seed: int, checks: Sequence[Check], *, paper: bool) -> list[str]:
     """All that is wrong with the certificate of a seed."""
     document = Random(seed, IN_FONTS if paper else ALPHABETS).document()
     xml = dcc(document)
     found = [one for check in checks for one in check(xml)] + not_read_back(document, xml)
     return found + (not_on_paper(document) if paper else [])
-
-
-def main() -> int:
-    """Exit code 1 if anything is wrong with any certificate."""
-    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("--count", type=int, default=1000)
-    options.add_argument("--first", type=int, default=0, help="first seed")
-    options.add_argument("--schema", type=Path, help="PTB's schema 3.2.0; without it only the Schematron is checked")
-    options.add_argument("--paper", type=int, default=20, help="every so many certificates are printed, too; 0: none")
-    asked = options.parse_args()
-    checks = [rules(), *([by_schema(asked.schema)] if asked.schema else [])]
-    wrong = 0
-    for seed in range(asked.first, asked.first + asked.count):
-        found = violations(seed, checks, paper=bool(asked.paper) and seed % asked.paper == 0)
-        wrong += bool(found)
-        for one in found[:5]:
-            print(f"seed {seed}: {one}")
-    how = "schema and Schematron" if asked.schema else "Schematron"
-    print(f"{asked.count} certificates by {how}, read back: {wrong} with something wrong")
-    return int(wrong > 0)
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())
