@@ -15,7 +15,7 @@ import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.doubts import BUNDLE, DOUBT, bundle, in_several, no_better, several_values, something_left
-from rig.fitter.trace.flexible import Remainder, remainders
+from rig.fitter.trace.flexible import Block, Remainder, remainders
 from rig.fitter.trace.limits import Kind, limit
 from rig.fitter.trace.lines import Line
 from rig.fitter.trace.places import Place
@@ -39,6 +39,11 @@ class Seen(NamedTuple):
     y: FloatArray
     df: int
     project: Callable[[FloatArray], FloatArray]
+
+    def remainder(self, block: Block) -> Remainder | None:
+        """Its part along a block; None where nothing is left of that."""
+        found = remainders(self.y, self.df, [block], self.project) if self.df >= LEAST_DF else []
+        return next(iter(found), None)
 
 
 class Phase(NamedTuple):

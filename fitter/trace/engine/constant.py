@@ -60,7 +60,7 @@ class Constant(Coefficients):
     def p(self, name: str, i: int | None, block: Block) -> float | None:
         """See `Coefficients`; asked again beside the slowest error that is plausible."""
         one = self.sensors[i or 0]
-        found = next(iter(one.remainders(block, one.seen_at(self.level))), None)
+        found = one.seen_at(self.level).remainder(block)
         if found is None or found.p * len(self.variables) * len(self.names) >= self.again:
             return None if found is None else found.p
         if self.level:

@@ -271,6 +271,19 @@ class InStrata(Problem):
         left = blocks - np.einsum("p...q,p...r->...qr", across, across)
         return left, dots - np.einsum("p...q,p->...q", across, along)
 
+    def told(self, weight: FloatArray, taken: IntArray, own: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(q, q) products of some columns beside those `taken`, (q,) with the response, (q, q) beside nothing.
+
+        Each fitted again under weights (L,) of the strata, such as those of one sensor.
+        """
+        every = np.concatenate([taken, own])
+        products, dots = np.tensordot(weight, self.each(every[:, None], every), 1), weight @ self.each_dots(every)
+        p = len(taken)
+        root = rooted(products[:p, :p], np.sqrt(np.maximum(np.diag(products)[:p], _TINY)))
+        across = root @ products[:p, p:]
+        left = products[p:, p:] - across.T @ across
+        return left, dots[p:] - across.T @ (root @ dots[:p]), products[p:, p:]
+
     def spread(self, at: int, picked: IntArray) -> FloatArray:
         """(q, q) inverse of the products of some columns under a covariance; zero for one that those before replace."""
         root = self.rooted(picked, self.products(picked[:, None], picked, np.array([at]))[0], at)

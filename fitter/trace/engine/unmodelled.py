@@ -188,7 +188,8 @@ class InSensor(Unmodelled):
 
     def p_of(self, block: Block, at: int) -> float | None:
         """P by chance of a block beside the model, under covariance `at`; None if nothing is left of it."""
-        return next((one.p for one in self.remainders(block, self.seen_at(at=at))), None)
+        left = self.seen_at(at=at).remainder(block)
+        return None if left is None else left.p
 
     def remainders(self, block: Block, seen: Seen) -> list[Remainder]:
         """The remainder of a block."""

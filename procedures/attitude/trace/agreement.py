@@ -9,12 +9,10 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.search import names_of, prune, search_and_name
 from rig.procedures.attitude.trace.judge import AttitudeJudge
-from rig.procedures.attitude.trace.levels import Level
-from rig.procedures.attitude.trace.problem import Problem
-from rig.procedures.attitude.trace.score import beside, errors, inverse
+from rig.procedures.attitude.trace.posed import engine_of, posed, units_of
+from rig.procedures.attitude.trace.score import inverse
 
 BY_CHANCE = 1e-4
 """Probability of the disagreement below which it is significant."""
@@ -27,9 +25,7 @@ effect a hundred times the error no two sensors agree to the last digit.
 def supported(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[AttitudeJudge, tuple[int, ...]]:
     """Search again without effects that sensors disagree on, until none is in the model."""
     while True:
-        disagreed = frozenset(
-            name for name in names_of(judge.candidates, chosen) if _disagreed(judge.problem, chosen, name)
-        )
+        disagreed = frozenset(name for name in names_of(judge.candidates, chosen) if _disagreed(judge, chosen, name))
         if not disagreed:
             return judge, chosen
         judge = judge.without(disagreed)
@@ -37,29 +33,21 @@ def supported(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[AttitudeJu
         judge, chosen = search_and_name(judge, chosen)
 
 
-def _disagreed(problem: Problem, chosen: tuple[int, ...], name: str) -> bool:
+def _disagreed(judge: AttitudeJudge, chosen: tuple[int, ...], name: str) -> bool:
     """Whether separate estimates from the sensors disagree about the terms of one effect."""
-    unit = np.array([j for j in chosen if problem.candidates[j].effect.name == name], np.int64)
+    problem = judge.problem
+    unit = [j for j in chosen if problem.candidates[j].effect.name == name]
     if problem.candidates[unit[0]].sensor is not None or len(problem.sensors) == 1:
         return False
-    level = problem.judged_at[unit[0]]
-    sigma = _errors(problem, level, chosen)
-    left = beside(problem, level, [j for j in chosen if j not in unit], unit, sigma)
-    length2 = problem.length[:, unit] ** 2 / sigma[:, None] ** 2
-    each, columns, outputs = inverse(left.columns, length2), left.columns.sum(axis=0), left.outputs.sum(axis=0)
-    common = inverse(columns, length2.sum(axis=0))
-    gain = float(outputs @ common @ outputs)
-    apart = float(np.einsum("sj,sjk,sk->", left.outputs, each, left.outputs)) - gain
-    rank = round(float(np.einsum("sjk,skj->", each, left.columns) - np.einsum("jk,kj->", common, columns)))
-    return rank > 0 and apart > MATTERS * gain and float(special.chdtrc(rank, apart)) < BY_CHANCE
-
-
-def _errors(problem: Problem, level: Level, chosen: tuple[int, ...]) -> FloatArray:
-    """(S,) standard errors, including remaining lack of fit."""
-    sigma = errors(problem, chosen)
-    lof = problem.levels.n_points - problem.levels.declared.shape[1] - len(chosen)
-    if level == "points" or lof <= 0 or problem.levels.df("points") <= 0:
-        return sigma
-    nothing = np.zeros(0, np.int64)
-    between, within = (beside(problem, at, chosen, nothing, sigma).square for at in ("replications", "points"))
-    return np.asarray(sigma * np.sqrt(np.maximum((between - within) / lof, 1.0)))
+    engine, run = engine_of(problem, chosen), posed(problem)
+    beside = engine.beside(units_of(problem, chosen))
+    rest, own = (run.column[[j for j in chosen if (j in unit) == mine]] for mine in (False, True))
+    weight = engine.problem.weight[beside.best] / beside.sigma2[beside.best]
+    each = [engine.problem.told(np.where(run.of == i, weight, 0.0), rest, own) for i in range(len(problem.sensors))]
+    columns, outputs = np.stack([one[0] for one in each]), np.stack([one[1] for one in each])
+    length2 = np.stack([np.diag(one[2]) for one in each])
+    apart, common = inverse(columns, length2), inverse(columns.sum(axis=0), length2.sum(axis=0))
+    gain = float(outputs.sum(axis=0) @ common @ outputs.sum(axis=0))
+    more = float(np.einsum("sj,sjk,sk->", outputs, apart, outputs)) - gain
+    rank = round(float(np.einsum("sjk,skj->", apart, columns) - np.einsum("jk,kj->", common, columns.sum(axis=0))))
+    return rank > 0 and more > MATTERS * gain and float(special.chdtrc(rank, more)) < BY_CHANCE

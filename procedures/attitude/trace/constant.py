@@ -11,7 +11,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.constant import ENDS, Coefficients, Instead, products
 from rig.fitter.trace.doubts import two_sizes
-from rig.fitter.trace.flexible import Block, remainders, turns, waves
+from rig.fitter.trace.flexible import Block, turns, waves
 from rig.fitter.trace.limits import limit
 from rig.fitter.trace.search import names_of
 from rig.procedures.attitude.effects import Scene
@@ -101,14 +101,10 @@ class Constant(Coefficients):
     def p(self, name: str, i: int | None, block: Block) -> float | None:
         """See `Coefficients`."""
         run, level = self.unmodelled, self.unmodelled.level_of(name)
-        view, n = run.view(level), len(run.problem.scene.data)
-        y = view.outputs.reshape(-1)[run.rows(i)]
-        df = y.size // n * run.problem.levels.df(level) - len(run.chosen)
-        project = partial(view.whitened, sensor=i, rho=run.memory)
-        left = remainders(view.white(y, i, run.memory), df, [block], project)
-        if not left:
-            return None
-        return max(left[0].p, run.against_a_walk(level, y, left[0].basis)) if left[0].p < WALKED else left[0].p
+        left = run.seen_at(level, i).remainder(block)
+        if left is None or left.p >= WALKED:
+            return None if left is None else left.p
+        return max(left.p, run.against_a_walk(level, i, left.basis))
 
 
 def _variables(scene: Scene, sensor: str) -> dict[str, FloatArray]:

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.fine_periods import FEWEST, fine_period
-from rig.fitter.trace.flexible import Block, Remainder, remainders
+from rig.fitter.trace.flexible import Block, Remainder
 from rig.fitter.trace.lines import Line
+from rig.fitter.trace.unmodelled import Seen
 from rig.procedures.attitude.data import settings
 from rig.procedures.attitude.effects.scene import Scene
 from rig.procedures.attitude.trace.view import View
 
 
-def fine_of(scene: Scene, view: View, rho: FloatArray, df: int) -> Line | None:
+def fine_of(scene: Scene, view: View, seen: Seen) -> Line | None:
     """The clearest fine period of pitch or roll in all sensors together; None where the angles visited tell none.
 
     Args:
         scene: the run.
         view: what is left between points.
-        rho: (S,) correlation of neighbouring rows.
-        df: degrees of freedom of what is left.
+        seen: the same in the metric of its errors.
     """
     y, n = view.outputs.reshape(-1), len(scene.data)
     angles = {"pitch": (scene.data.pitch_deg, scene.per_pitch)}
@@ -31,14 +30,13 @@ def fine_of(scene: Scene, view: View, rho: FloatArray, df: int) -> Line | None:
         angles["roll"] = (np.mod(scene.data.roll_deg, 360.0), scene.per_roll)
     found = []
     for name, (at, per_deg) in angles.items():
-        if np.unique(settings(at)).size < FEWEST or df < 3:
+        if np.unique(settings(at)).size < FEWEST:
             continue
         slope = np.concatenate([per_deg(sensor) for sensor in scene.data.sensors])
 
         def ask(block: Block, slope: FloatArray = slope) -> Remainder | None:
             own = replace(block, columns=slope[:, None] * np.tile(block.columns, (len(view.outputs), 1)))
-            project = partial(view.whitened, sensor=None, rho=rho)
-            return next(iter(remainders(view.white(y, None, rho), df, [own], project)), None)
+            return seen.remainder(own)
 
         found.append(fine_period(np.sum((slope * y).reshape(-1, n), axis=0), at, name, ask, "deg"))
     best = min((one for one in found if one is not None), key=lambda one: one.p, default=None)

@@ -22,7 +22,8 @@ from rig.procedures.attitude.data import AttitudeData
 from rig.procedures.attitude.trace.estimate import Estimate
 from rig.procedures.attitude.trace.problem import Problem, raw_columns
 from rig.procedures.attitude.trace.result import FoundEffect
-from rig.procedures.attitude.trace.score import errors, rounding, whiten
+from rig.procedures.attitude.trace.score import errors, rounding
+from rig.procedures.attitude.trace.view import View
 from rig.procedures.attitude.trace.wander import of_all, walk_evidence
 
 FEW = limit("most outliers", "pitch-roll")
@@ -38,7 +39,7 @@ def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[FoundEffe
     sigma = errors(problem, after.chosen)
     if sigma[i] <= 10 * rounding(problem)[i]:
         return ()
-    left = whiten(problem, problem.levels.of_error, after.chosen, sigma).outputs[i]
+    left = View(problem, problem.levels.of_error, after.chosen, sigma).outputs[i]
     # with a random walk squared residuals are not independent
     found = _walk(problem, left, float(sigma[i]), i) or _growth(problem, after, left * sigma[i], i)
     return () if found is None else (found,)

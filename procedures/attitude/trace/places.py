@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -39,37 +39,35 @@ MEMORIES = (0.3, 4.0, 16.0)
 """How long the attitudes before are remembered, in usual times from row to row."""
 
 
-class _Made(NamedTuple):
-    """A place before its columns are made: by sensor, unless it is of the package."""
-
-    text: str
-    columns: Callable[[int], FloatArray]
-    rough: FloatArray
-    axes: Callable[[int], Axes | None]
-    finer: Callable[[int], FloatArray] | None = None
-    more: Mapping[str, Any] = {}
-
-
 def places_of(scene: Scene) -> tuple[Place, ...]:
     """All places of a run."""
-    found, count = list[Place](), len(scene.data.sensors)
-    makers: tuple[tuple[Level, Callable[[Scene], list[_Made]]], ...] = (
-        ("replications", _between_points),
-        ("points", _within_points),
-    )
-    for level, make in makers:
-        tried = (*TRIED, 40) if level == "replications" else TRIED
-        for made in make(scene):
-            each = [partial(made.columns, i) for i in range(count)]
-            at: list[tuple[int | None, Callable[[], FloatArray]]] = list(enumerate(each))
-            if made.text.startswith("package"):
-                at = [(None, lambda each=each: np.concatenate([own() for own in each]))]  # type: ignore[misc]
-            for i, own in at:
-                some = own()
-                orders, rough = orders_of(some, tried), made.rough[: some.shape[1]]
-                finer = None if made.finer is None else partial(made.finer, i or 0)
-                found.append(Place(made.text, own, orders, rough, made.axes, level, i, finer, **made.more))
-    return tuple(found)
+    return (*_between_points(scene), *_within_points(scene))
+
+
+def _each(
+    scene: Scene,
+    level: Level,
+    text: str,
+    columns: Callable[[int], FloatArray] | FloatArray,
+    axes: Callable[[int], Axes | None],
+    rough: FloatArray | None = None,
+    finer: Callable[[int], FloatArray] | None = None,
+    **more: Any,
+) -> Iterator[Place]:
+    """A place of each sensor, or one of the package: of columns (n, m) by sensor, or the same in all; `more` are
+    attributes.
+    """
+    count, tried = len(scene.data.sensors), (*TRIED, 40) if level == "replications" else TRIED
+    make = columns if callable(columns) else partial(_same, columns)
+    each = [partial(make, i) for i in range(count)]
+    at: list[tuple[int | None, Callable[[], FloatArray]]] = list(enumerate(each))
+    if text.startswith("package"):
+        at = [(None, lambda: np.concatenate([own() for own in each]))]
+    for i, own in at:
+        some = own()
+        roughness = (halves(some) if rough is None else rough)[: some.shape[1]]
+        more_waves = None if finer is None else partial(finer, i or 0)
+        yield Place(text, own, orders_of(some, tried), roughness, axes, level, i, more_waves, **more)
 
 
 def between_replications(scene: Scene) -> tuple[Place, ...]:
@@ -121,60 +119,50 @@ class _Over:
         return [one for one in moves if np.ptp(one.values) > 0]
 
 
-def _between_points(scene: Scene) -> list[_Made]:
+def _between_points(scene: Scene) -> Iterator[Place]:
     data, sensors, over = scene.data, scene.data.sensors, _Over(scene)
+    at = partial(_each, scene, "replications")
     pitch, ones = waves(data.pitch_deg, PITCH), np.ones((len(data), 1))
     with_one = np.column_stack([ones, pitch])
     along = [waves(scene.along(s), GRAVITY) for s in sensors]
-    roll_axis = over.roll if scene.roll else None
-    found = [
-        _Made(
-            "over the pitch angle",
-            lambda _i: pitch,
-            halves(pitch),
-            over.only(over.pitch),
-            lambda _i: waves(data.pitch_deg, FINE),
-        ),
-        _Made(
-            "over gravity along the sensor",
-            lambda i: along[i],
-            halves(max(along, key=np.size)),
-            lambda i: (over.gravity(i), None),
-            lambda i: waves(scene.along(sensors[i]), FINE),
-        ),
-        _Made(
-            "package: an error of pitch over the pitch angle",
-            lambda i: _times(scene.per_pitch(sensors[i]), with_one),
-            np.append(1.0, halves(pitch)),
-            over.only(over.pitch, roll_axis),
-        ),
-    ]
+    more_of_pitch = partial(_same, waves(data.pitch_deg, FINE))
+    yield from at("over the pitch angle", pitch, over.only(over.pitch), finer=more_of_pitch)
+    yield from at(
+        "over gravity along the sensor",
+        along.__getitem__,
+        lambda i: (over.gravity(i), None),
+        finer=lambda i: waves(scene.along(sensors[i]), FINE),
+    )
+    yield from at(
+        "package: an error of pitch over the pitch angle",
+        lambda i: _times(scene.per_pitch(sensors[i]), with_one),
+        over.only(over.pitch, over.roll if scene.roll else None),
+        np.append(1.0, halves(pitch)),
+    )
     if scene.roll:
         roll, few = turns(data.roll_deg, ROLL), turns(data.roll_deg, BOTH)
         some = waves(data.pitch_deg, BOTH)
-        both = products(some, few, (halves(some), rough_turns(few)))
-        rough = rough_turns(roll)
-        rolled = np.column_stack([ones, roll])
-        found += [
-            _Made("over the roll angle", lambda _i: roll, rough, over.only(over.roll)),
-            _Made(
-                "package: an error of roll over the roll angle",
-                lambda i: _times(scene.per_roll(sensors[i]), rolled),
-                np.append(1.0, rough),
-                over.only(over.roll, over.pitch),
-            ),
-            _Made(
-                "package: an error of pitch over the roll angle",
-                lambda i: _times(scene.per_pitch(sensors[i]), roll),
-                rough,
-                over.only(over.roll, over.pitch),
-            ),
-            _Made("over pitch and roll", lambda _i: both[0], both[1], over.only(over.pitch, over.roll)),
-        ]
-    return [*found, *_tipped(scene, over), *_faded(scene, over)]
+        rough, rolled = rough_turns(roll), np.column_stack([ones, roll])
+        yield from at("over the roll angle", roll, over.only(over.roll), rough)
+        yield from at(
+            "package: an error of roll over the roll angle",
+            lambda i: _times(scene.per_roll(sensors[i]), rolled),
+            over.only(over.roll, over.pitch),
+            np.append(1.0, rough),
+        )
+        yield from at(
+            "package: an error of pitch over the roll angle",
+            lambda i: _times(scene.per_pitch(sensors[i]), roll),
+            over.only(over.roll, over.pitch),
+            rough,
+        )
+        both, of_both = products(some, few, (halves(some), rough_turns(few)))
+        yield from at("over pitch and roll", both, over.only(over.pitch, over.roll), of_both)
+    yield from _tipped(scene, over)
+    yield from _faded(scene, over)
 
 
-def _tipped(scene: Scene, over: _Over) -> list[_Made]:
+def _tipped(scene: Scene, over: _Over) -> Iterator[Place]:
     """Latches of gravity along directions of the package, alone and times gravity along each sensor."""
     data = scene.data
     executed, known = np.lexsort((data.order, data.replicate_index)), dict[str, tuple[FloatArray, FloatArray]]()
@@ -183,19 +171,20 @@ def _tipped(scene: Scene, over: _Over) -> list[_Made]:
         state = latches(along, executed)
         if np.any(state) and not any(np.array_equal(state, one) for _, one in known.values()):
             known[text] = along, state
-    return [
-        _Made(
+    for text, (along, state) in known.items():
+        yield from _each(
+            scene,
+            "replications",
             f"after the last strong tip along {text}",
             partial(_with_gravity, scene, state),
-            np.ones(2 * state.shape[1]),
             over.with_gravity(Axis("gravity_along", f"gravity along {text}", "g", along, settable=True)),
-            more={"alternatives": len(known), "remembers": True},
+            np.ones(2 * state.shape[1]),
+            alternatives=len(known),
+            remembers=True,
         )
-        for text, (along, state) in known.items()
-    ]
 
 
-def _faded(scene: Scene, over: _Over) -> Iterator[_Made]:
+def _faded(scene: Scene, over: _Over) -> Iterator[Place]:
     """Gravity along the package's axes in rows before, less that of this row; and how far the axes moved before it."""
     data, executed = scene.data, np.lexsort((scene.data.order, scene.data.replicate_index))
     stretches = np.split(executed, np.flatnonzero(np.diff(data.replicate_index[executed])) + 1)
@@ -209,65 +198,55 @@ def _faded(scene: Scene, over: _Over) -> Iterator[_Made]:
     every = np.column_stack([scene.g, *(one / max(float(one.max()), 1.0) for one in moved)])
     each = [faded(every, data.elapsed_s, stretches, tau * usual) - every for tau in MEMORIES]
     columns = np.column_stack([each[0][:, :3], *each[1:]])
-    axes = (*over.moves(), None, None)[:2]
-    yield _Made(
-        "after the attitudes before, as they fade",
-        lambda _i: columns,
-        np.ones(columns.shape[1]),
-        lambda _i: None if axes[0] is None else (axes[0], axes[1]),
-        more={"remembers": True},
-    )
+    moves = over.moves()
+    axes = over.only(*moves) if moves else lambda _i: None
+    text, rough = "after the attitudes before, as they fade", np.ones(columns.shape[1])
+    yield from _each(scene, "replications", text, columns, axes, rough, remembers=True)
 
 
-def _within_points(scene: Scene) -> list[_Made]:
+def _within_points(scene: Scene) -> Iterator[Place]:
     data, sensors, g, over = scene.data, scene.data.sensors, scene.g, _Over(scene)
+    at = partial(_each, scene, "points")
     time, ones = waves(data.elapsed_s, TIME), np.ones((len(data), 1))
     began = waves(since(data.replicate_index, data.elapsed_s), 6)
-    in_time = {"timed": True}
-    found = [
-        _Made("along the run", lambda _i: time, halves(time), over.only(over.hours), more=in_time),
-        _times_gravity("along the run", g, time[:, :6], over.with_gravity(over.hours)),
-        _Made("along each replication", lambda _i: began, halves(began), over.only(over.since), more=in_time),
-        _times_gravity("along each replication", g, began[:, :3], over.with_gravity(over.since)),
-        _Made(
-            "package: an error of pitch along the run",
-            lambda i: _times(scene.per_pitch(sensors[i]), time),
-            halves(time),
-            over.only(over.hours, over.pitch),
-        ),
-    ]
+
+    def times_gravity(text: str, columns: FloatArray, axis: Axis) -> Iterator[Place]:
+        """(n, 3 m) products with the three components of gravity, the slowest wave first."""
+        rough, more = np.repeat(halves(columns), 3), f"{text}, times gravity"
+
+        def make(_i: int) -> FloatArray:
+            return np.asarray((columns[:, :, None] * g[:, None, :]).reshape(len(g), -1))
+
+        return at(more, make, over.with_gravity(axis), rough)
+
+    yield from at("along the run", time, over.only(over.hours), timed=True)
+    yield from times_gravity("along the run", time[:, :6], over.hours)
+    yield from at("along each replication", began, over.only(over.since), timed=True)
+    yield from times_gravity("along each replication", began[:, :3], over.since)
+    axes = over.only(over.hours, over.pitch)
+    of_pitch = "package: an error of pitch along the run"
+    yield from at(of_pitch, lambda i: _times(scene.per_pitch(sensors[i]), time), axes, halves(time))
     sides = [("pitch", over.pitch, data.pitch_side, waves(data.pitch_deg, 6))]
     if scene.roll:
-        found.append(
-            _Made(
-                "package: an error of roll along the run",
-                lambda i: _times(scene.per_roll(sensors[i]), time),
-                halves(time),
-                over.only(over.hours, over.roll),
-            )
-        )
+        axes, of_roll = over.only(over.hours, over.roll), "package: an error of roll along the run"
+        yield from at(of_roll, lambda i: _times(scene.per_roll(sensors[i]), time), axes, halves(time))
         sides.append(("roll", over.roll, data.roll_side, turns(data.roll_deg, 4)))
     if scene.temperature_degC is not None and data.sensor_temperature_degC is not None:
         warm = waves(data.sensor_temperature_degC, TEMPERATURE)
         axis = Axis("sensor_temperature_degC", "sensor temperature", "degC", data.sensor_temperature_degC, True)
-        found += [
-            _Made("over the temperature", lambda _i: warm, halves(warm), over.only(axis)),
-            _times_gravity("over the temperature", g, warm[:, :3], over.with_gravity(axis)),
-        ]
+        yield from at("over the temperature", warm, over.only(axis))
+        yield from times_gravity("over the temperature", warm[:, :3], axis)
     for name, axis, side, some in sides:
         if np.ptp(side) > 0:
             warmth = [] if scene.temperature_degC is None else [scene.warmth()[:, None]]
             both = _times(side.astype(np.float64), np.column_stack([ones, some, g, *warmth]))
             rough = np.concatenate([np.ones(1), halves(some), np.ones(3 + len(warmth))])
             of = Axis(f"{name}_side", "side of approach", "", side.astype(np.float64), settable=True)
-            text = f"over the side from which {name} was approached"
-            found.append(_Made(text, partial(_same, both), rough, over.only(axis, of)))
-    moves = over.moves()
-    if moves:
+            yield from at(f"over the side from which {name} was approached", both, over.only(axis, of), rough)
+    if moves := over.moves():
         moved = [waves(np.arcsinh(move.values), 5) for move in moves]
         columns, rough = np.column_stack(moved), np.concatenate([halves(one) for one in moved])
-        found.append(_Made("over the move before", lambda _i: columns, rough, over.only(*moves)))
-    return found
+        yield from at("over the move before", columns, over.only(*moves), rough)
 
 
 def _same(columns: FloatArray, _i: int) -> FloatArray:
@@ -280,15 +259,6 @@ def _with_gravity(scene: Scene, state: FloatArray, i: int) -> FloatArray:
 
 def _times(one: FloatArray, columns: FloatArray) -> FloatArray:
     return np.asarray(one[:, None] * columns)
-
-
-def _times_gravity(text: str, g: FloatArray, columns: FloatArray, axes: Callable[[int], Axes]) -> _Made:
-    """(n, 3 m) products with the three components of gravity, the slowest wave first."""
-
-    def make(_i: int) -> FloatArray:
-        return np.asarray((columns[:, :, None] * g[:, None, :]).reshape(len(g), -1))
-
-    return _Made(f"{text}, times gravity", make, np.repeat(halves(columns), 3), axes)
 
 
 def _wrapped(angle_deg: FloatArray) -> FloatArray:

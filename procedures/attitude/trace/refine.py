@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from rig.procedures.attitude.trace.problem import Candidate, Problem, columns_of
-from rig.procedures.attitude.trace.score import errors, inverse, whiten
+from rig.procedures.attitude.trace.score import errors, inverse
+from rig.procedures.attitude.trace.view import View
 
 FORBIDS = 2.0
 """Units of log likelihood by which the best value of a constant forbids one that is likelier beforehand."""
@@ -31,8 +32,8 @@ def _placed(problem: Problem, others: tuple[int, ...], u: int) -> Problem:
     parts = {problem.candidates[j].term.part for j in unit}
     tries = [[term for term in terms if term.part in parts] for terms in first.term.finer(problem.scene.data)]
     sigma = errors(problem, (*others, *unit))
-    left = whiten(problem, level, others, sigma).outputs
-    taken = whiten(problem, level, (), sigma, others).columns
+    left = View(problem, level, others, sigma).outputs
+    taken = problem.columns_at(level, others) / sigma[:, None, None]
     q = len(unit)
     gram, dot, length2 = np.zeros((len(tries), q, q)), np.zeros((len(tries), q)), np.zeros((len(tries), q))
     every = [Candidate(first.effect, term, first.sensor) for terms in tries for term in terms]

@@ -20,7 +20,8 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.procedures.attitude.trace.levels import Level
 from rig.procedures.attitude.trace.problem import Problem
-from rig.procedures.attitude.trace.score import errors, inverse, whiten
+from rig.procedures.attitude.trace.score import errors, inverse
+from rig.procedures.attitude.trace.view import View
 from rig.procedures.attitude.trace.walks import SPREAD, likelihood_ratio
 from rig.procedures.attitude.trace.wander import walk_evidence
 
@@ -55,8 +56,8 @@ def in_part(problem: Problem, chosen: tuple[int, ...], u: int) -> tuple[float, f
     against = plain * _beside_walks(problem, level, columns, outputs) if asked else np.inf
     if asked and level == "points" and _walking(problem, outputs - columns @ (spread @ d)):
         # without the means of points a walk is none any more, if its points come in random order
-        white = whiten(problem, "replications", chosen, errors(problem, chosen), problem.units[u])
-        wide = _against_walks(problem, "replications", white.columns, white.outputs, wide=True)
+        view = View(problem, "replications", chosen, errors(problem, chosen))
+        wide = _against_walks(problem, "replications", view.each(problem.units[u]), view.outputs, wide=True)
         against = min(against, max(wide, 0.0))
     return plain, least / plain, against
 
@@ -68,8 +69,8 @@ def _seen(
     (q,) squared lengths of columns before anything was removed.
     """
     level, sigma = problem.judged_at[unit[0]], errors(problem, chosen)
-    white = whiten(problem, level, chosen, sigma, unit)
-    return level, white.columns, white.outputs, np.sum((problem.length[:, list(unit)] / sigma[:, None]) ** 2, axis=0)
+    view = View(problem, level, chosen, sigma)
+    return level, view.each(unit), view.outputs, np.sum((problem.length[:, list(unit)] / sigma[:, None]) ** 2, axis=0)
 
 
 def _scatter(

@@ -107,11 +107,14 @@ class UnmodelledSmooth(Unmodelled):
 
     def seen(self, place: Place, i: int) -> Seen:
         """See `Unmodelled`."""
-        view = self.view(place.level)
-        y = view.outputs.reshape(-1)[self.rows(place.sensor)]
-        df = len(y) // len(self.problem.scene.data) * self.problem.levels.df(view.level) - len(self.chosen)
-        project = partial(view.whitened, sensor=place.sensor, rho=self.memory)
-        return Seen(view.white(y, place.sensor, self.memory), df, project)
+        return self.seen_at(place.level, place.sensor)
+
+    def seen_at(self, level: str, sensor: int | None) -> Seen:
+        """The residual of a sensor, or of all, at a level."""
+        view, sensors = self.view(level), len(self.sigma) if sensor is None else 1
+        y, df = view.outputs.reshape(-1)[self.rows(sensor)], sensors * self.problem.levels.df(view.level)
+        project = partial(view.whitened, sensor=sensor, rho=self.memory)
+        return Seen(view.white(y, sensor, self.memory), df - len(self.chosen), project)
 
     def plain(self, place: Place, i: int) -> tuple[FloatArray, FloatArray]:
         """See `Unmodelled`."""
@@ -131,8 +134,7 @@ class UnmodelledSmooth(Unmodelled):
 
     def held_against(self, place: Place, i: int, one: Remainder) -> float:
         """See `Unmodelled`."""
-        y = self.view(place.level).outputs.reshape(-1)[self.rows(place.sensor)]
-        return self.against_a_walk(place.level, y, one.basis)
+        return self.against_a_walk(place.level, place.sensor, one.basis)
 
     def _shape(self, place: Place, i: int, one: Remainder, p: float) -> ResidualShape:
         return ResidualShape(place, one, p, self.worded(place), place.sensor, len(self.problem.sensors))
@@ -199,8 +201,8 @@ class UnmodelledSmooth(Unmodelled):
     @cached_property
     def fine(self) -> Line | None:
         """The clearest fine period over an angle, as an error of the head in all sensors."""
-        df = len(self.sigma) * self.problem.levels.df("replications") - len(self.chosen)
-        return fine_of(self.problem.scene, self.view("replications"), self.memory, df) if self.able else None
+        level = "replications"
+        return fine_of(self.problem.scene, self.view(level), self.seen_at(level, None)) if self.able else None
 
     def left_beside(self, name: str, group: Group) -> str | None:
         """See `Unmodelled`."""
@@ -305,11 +307,11 @@ class UnmodelledSmooth(Unmodelled):
         names = len({c.effect.name for c in self.candidates})
         return float(np.log(names) + (np.log(len(units)) if first.effect.searched else 0.0))
 
-    def against_a_walk(self, level: str, y: FloatArray, columns: FloatArray) -> float:
+    def against_a_walk(self, level: str, sensor: int | None, columns: FloatArray) -> float:
         """P by chance of columns beside a random walk of the offset, with the most probable width."""
-        n = len(self.problem.scene.data)
-        ys = list(y.reshape(-1, n))
-        xs = list(columns.reshape(len(ys), n, -1))
+        y = self.view(level).outputs
+        ys = list(y if sensor is None else y[sensor : sensor + 1])
+        xs = list(columns.reshape(len(ys), y.shape[1], -1))
         spread = SPREAD if level == self.problem.levels.of_error else 1.0
         ratio = likelihood_ratio(self.problem.levels.walks(self.view(level).level), ys, xs, spread)
         return float(special.chdtrc(columns.shape[1], max(ratio, 0.0)))

@@ -30,6 +30,10 @@ class View:
         flat = columns.reshape(columns.shape[0] * columns.shape[1], len(picked))
         return np.asarray(flat - self.basis @ (self.basis.T @ flat))
 
+    def each(self, picked: Sequence[int]) -> FloatArray:
+        """(S, n, q) of candidates."""
+        return self.of(picked).reshape(*self.outputs.shape, -1)
+
     def project(self, columns: FloatArray, sensor: int | None) -> FloatArray:
         """The rest of (n, m) columns of one sensor, or (S n, m) of all."""
         n = len(self.problem.scene.data)

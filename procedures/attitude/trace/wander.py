@@ -15,7 +15,8 @@ from scipy import special
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.chance import ALPHA, COUNTED
 from rig.procedures.attitude.trace.problem import Problem
-from rig.procedures.attitude.trace.score import errors, whiten
+from rig.procedures.attitude.trace.score import errors
+from rig.procedures.attitude.trace.view import View
 from rig.procedures.attitude.trace.walks import STEPS, WIDE
 
 SHORTEST = 16
@@ -27,7 +28,7 @@ def with_wander(problem: Problem, chosen: tuple[int, ...]) -> Problem:
     level, count = problem.levels.of_error, len(problem.scene.data)
     if problem.levels.df(level) <= 0 or count // problem.scene.data.replicates.size < SHORTEST:
         return problem
-    left = whiten(problem, level, chosen, errors(problem, chosen)).outputs
+    left = View(problem, level, chosen, errors(problem, chosen)).outputs
     found = [(of_all(problem, p), step) for p, step in (walk_evidence(problem, one) for one in left)]
     return replace(problem, wander=np.array([step if p <= ALPHA else 0.0 for p, step in found]))
 
