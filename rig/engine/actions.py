@@ -1,4 +1,4 @@
-"""Actions of the sequencer on a bench: home, go, settle, measure, soak, prepare the environment, park.
+"""Actions of the sequencer on a bench: home, go, settle, soak, prepare the environment, park.
 
 Each action sends a command and then polls. Every wait goes through `wait`, so the sequencer can look for signals and
 requests. Every action may raise `rig.drivers.errors.DriverError`; further errors are listed at each method.
@@ -6,42 +6,35 @@ requests. Every action may raise `rig.drivers.errors.DriverError`; further error
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rig.drivers.clock import Clock
-from rig.drivers.errors import BadReply, ChannelsFailed, NoReply
-from rig.drivers.roles import Head, Learning, Remarking, Restartable, SelfChecking, is_overload
+from rig.drivers.errors import BadReply, NoReply
+from rig.drivers.roles import Head, Learning, Remarking, Restartable, SelfChecking
 from rig.engine.axes import Axes, AxisReading
-from rig.engine.fault_classes import NotHomed, NotSettled, OverloadedError, TemperaturesNotSettled
+from rig.engine.chambers import Chambers
+from rig.engine.fault_classes import NotHomed, NotSettled, TemperaturesNotSettled
 from rig.engine.guard import Guard
-from rig.engine.measuring import Observation, assemble, spans_of, standards
 from rig.engine.motion import Arrival, Leg, Move, arrived, delay_of_step
 from rig.engine.settling import Criteria, Settling
+from rig.engine.sweeps import Sweeps
 from rig.instruments.opening import Bench
 from rig.procedures.column_names import spelled, stem_of, unit_of
 from rig.procedures.plan.conduct import EnvironmentSettings
-from rig.procedures.plan.run_list import Factor, Settle
+from rig.procedures.plan.run_list import Settle
 from rig.procedures.present.durations import duration
 
 _HOMING_TIMEOUT_S = 900.0
 """A whole turn at a tenth of the usual homing speed, 4 degrees a second."""
-_INTERLOCK_S = 60.0
-"""Age at which chambers are read again for interlocks while points are measured."""
 _BEARS = 2
 """Consecutive readings that may be lost during a soak before this counts as a fault."""
 
 Watch = Callable[[Mapping[str, float]], None]
 """Called with the values of every poll."""
-
 _JUST_NOW_S = 0.05
 """Age up to which a reading of the axes is the present one."""
-_READ_THE_SAME = 3
-"""Equal readings in succession from which a chamber counts as one that repeats: two may be equal by chance."""
-_STOOD_S = 60.0
-"""Age, seconds, up to which an earlier repetition is told: as long as equal readings take to count as a hang."""
-_LONG_AGO = -1e18
-"""A clock reading before every other one."""
 _PARKED_DEG = 0.01
 """Distance from its parking position within which an axis of a head is parked."""
 
@@ -59,9 +52,9 @@ class BenchActions:
     Attributes:
         arrivals: how each axis reached its present position.
         moves: when each axis left its last setting; an overtravel is no setting.
-        chambers_seen: chambers as last read.
+        chambers: its chambers.
+        sweeps: its readers.
         judges: settling judges of the quantities that are waited for, by name; empty at other times.
-
     """
 
     def __init__(self, bench: Bench, axes: Axes, guard: Guard, clock: Clock, wait: Callable[[float], None]) -> None:
@@ -70,26 +63,20 @@ class BenchActions:
         self._guard = guard
         self._clock = clock
         self._wait = wait
-        self._chambers = bench.chambers
-        self._readers = bench.readers
         # Looked up once: an isinstance check against a protocol takes longer than most replies.
         self._restartable = {n: i for n, i in bench.instruments.items() if isinstance(i, Restartable)}
         self._self_checking = {n: i for n, i in bench.instruments.items() if isinstance(i, SelfChecking)}
         self._learning = {n: i for n, i in bench.instruments.items() if isinstance(i, Learning)}
         self._axes_seen: Mapping[str, AxisReading] | None = None
         self._controlled = False  # all axes of the last reading
-        self._axes_read = self._chambers_seen = _LONG_AGO
-        self._chambers_read: float | None = None
-        self._unwatched_s = 0.0
+        self._axes_read = -math.inf
         self._commanded: set[str] = set()
         self.arrivals: dict[str, Arrival] = {}
         self.moves: dict[str, Move] = {}
-        self.chambers_seen: dict[str, dict[str, Any]] = {}
+        self.chambers = Chambers(bench, guard, clock)
+        self.sweeps = Sweeps(bench, self.positions, guard, clock, wait)
         self.judges: dict[str, Settling] = {}
         self._going: tuple[float, Leg] | None = None  # since when, and where to
-        self._in_passing: dict[str, tuple[float, ...]] = {}
-        self._standing: dict[str, tuple[float, float, float, int]] = {}
-        self._stood: dict[str, tuple[float, float, float]] = {}
 
     @property
     def axis_names(self) -> Sequence[str]:
@@ -128,19 +115,6 @@ class BenchActions:
     def rest(self, seconds: float) -> None:
         """Let this bench time pass."""
         self._wait(seconds)
-
-    def take_unwatched_s(self) -> float:
-        """The longest time without a look at any chamber, bench seconds, since the last call."""
-        self._looked()
-        longest, self._unwatched_s = self._unwatched_s, 0.0
-        return longest
-
-    def _looked(self) -> None:
-        """Note a look at the chambers, or that the time since the last one begins anew."""
-        now = self._clock.now()
-        if self._chambers_read is not None:
-            self._unwatched_s = max(self._unwatched_s, now - self._chambers_read)
-        self._chambers_read = now
 
     def stop_motion(self) -> Sequence[str]:
         """Stop all axes; returns outputs that were on, in words. Their direction of arrival is unknown from now on."""
@@ -204,77 +178,13 @@ class BenchActions:
         """Readback of every axis."""
         return {axis: reading.value for axis, reading in self.axes().items()}
 
-    def environment(self) -> dict[str, dict[str, Any]]:
-        """Read all chambers and check their interlocks; returns the values for the run file."""
-        self._chambers_seen = self._clock.now()  # before the reads: a chamber that fails is not asked at every poll
-        found = {}
-        for name, chamber in self._chambers.items():
-            state = chamber.read()
-            self._guard.check_chamber(name, state)
-            found[name] = {
-                "setpoint_degC": state.setpoint_degC,
-                "temperature_degC": state.temperature_degC,
-                "power_pct": state.power_pct,
-                "running": state.running,
-                **self._unchanged(name, state.temperature_degC),
-            }
-        self.chambers_seen = found
-        self._looked()
-        return found
-
-    def _unchanged(self, name: str, degC: float) -> dict[str, float]:
-        """How long a chamber has repeated its reading to the last digit.
-
-        Returns:
-            `unchanged_s`, from the third equal reading on. After two or more equal readings that ended less than a
-            minute ago: `stood_ago_s`, when they began, and `stood_s`, how long they lasted. All in bench seconds.
-
-        """
-        now = self._clock.now()
-        last, since, seen, reads = self._standing.get(name, (degC, now, now, 0))
-        if last != degC:
-            if reads > 1:
-                self._stood[name] = since, seen, now
-            since, reads = now, 0
-        self._standing[name] = degC, since, now, reads + 1
-        if reads + 1 >= _READ_THE_SAME:
-            return {"unchanged_s": round(now - since, 3)}
-        began, seen, ended = self._stood.get(name, (0.0, 0.0, _LONG_AGO))
-        if now - ended > _STOOD_S:
-            return {}
-        return {"stood_ago_s": round(now - began, 3), "stood_s": round(seen - began, 3)}
-
-    def look_around(self, now: float) -> None:
-        """Between polls: read the chambers again if their interlocks have not been checked lately.
-
-        Args:
-            now: clock time.
-
-        """
-        if self._chambers and now - self._chambers_seen > _INTERLOCK_S:
-            self.environment()
-
     def readback(self) -> dict[str, Any]:
         """Axes and chambers as found. Nothing is commanded or judged."""
         axes = {
             axis: {r.quantity: r.value, "homed": r.homed, "enabled": r.enabled, "fault": r.fault}
             for axis, r in self._axes.read().items()
         }
-        chambers = {name: c.read() for name, c in self._chambers.items()}
-        self._chambers_seen = _LONG_AGO  # interlocks are not judged here, and an earlier reading may have failed
-        self._looked()
-        return {
-            "axes": axes,
-            "chambers": {
-                name: {
-                    "setpoint_degC": s.setpoint_degC,
-                    "temperature_degC": s.temperature_degC,
-                    "running": s.running,
-                    **self._unchanged(name, s.temperature_degC),
-                }
-                for name, s in chambers.items()
-            },
-        }
+        return {"axes": axes, "chambers": self.chambers.as_found()}
 
     def home(self, poll_s: float, *, again: bool = False) -> bool:
         """Home the axes whose zero is unknown, or all axes with `again`; returns whether anything was homed.
@@ -432,116 +342,6 @@ class BenchActions:
             raise late(", ".join(failed.values()), evidence, tuple(failed))
         return evidence
 
-    def measure(self, readings: int, poll_s: float, references: Sequence[Factor] = ()) -> Observation:
-        """Sweep all channels `readings` times, on every instrument at the same time.
-
-        Args:
-            readings: sweeps.
-            poll_s: time between readbacks of the references.
-            references: factors whose readback is the reference of the calibration; they are read during the sweeps.
-
-        """
-        asked = self._clock.now()
-        started: dict[str, tuple[float, float]] = {}
-        # Every reader is started before any is fetched: the quantities of a point are of one time.
-        for name, reader in self._readers.items():
-            due = reader.start(readings)
-            started[name] = self._clock.now(), due
-        seen: dict[str, list[float]] = {f.name: [] for f in references}
-        end = self._clock.now() + max(due for _, due in started.values())
-        while references and self._clock.now() < end:
-            self._note(seen, references)
-            self._wait(min(poll_s, max(end - self._clock.now(), 1e-3)))
-        self._wait(max(0.0, end - self._clock.now()))
-        fetched, taken = {}, {}
-        bench = self._bench
-        missing: dict[str, str] = {}
-        for name, reader in self._readers.items():
-            before = self._clock.now()
-            try:
-                fetched[name] = reader.fetch()
-            except ChannelsFailed as error:
-                fetched[name], without = error.readings, self._without(name, error)
-                missing |= without
-            taken[name] = spans_of(reader, *started[name], before, self._clock.now())
-        self._note(seen, references)
-        read = {column: source for column, source in bench.sensors.items() if column not in missing}
-        found = assemble(fetched, read, bench.scales, bench.temperatures, seen)
-        found.references |= standards(fetched, bench.references, bench.standards)
-        found.missing = missing
-        every = {**read, **bench.temperatures, **bench.references}
-        spans = {column: taken[name][channel] for column, (name, channel) in every.items()}
-        found.taken_s = {column: (round(a - asked, 3), round(b - asked, 3)) for column, (a, b) in spans.items()}
-        self._guard.check_temperatures({name: channel.mean for name, channel in found.temperatures.items()})
-        return found
-
-    def _without(self, name: str, error: ChannelsFailed) -> dict[str, str]:
-        """Outputs without a reading, since channels of a reader failed, and why. Raises the error if more lacks."""
-        bench = self._bench
-        needed = {*bench.temperatures.values(), *bench.references.values()}
-        found = {
-            column: error.failed[channel]
-            for column, (reader, channel) in bench.sensors.items()
-            if reader == name and channel in error.failed
-        }
-        if len(found) == len(bench.sensors) or needed & {(name, channel) for channel in error.failed}:
-            raise error
-        return found
-
-    def _note(self, seen: Mapping[str, list[float]], references: Sequence[Factor]) -> None:
-        if references:
-            now = self.positions()
-            for factor in references:
-                seen[factor.name].append(now[factor.axis])
-
-    def temperatures(self, columns: Sequence[str]) -> dict[str, float]:
-        """One reading of each of these temperature columns, degrees Celsius; an overload stays an overload."""
-        source = {column: self._bench.temperatures[column] for column in columns}
-        readers = {name: self._readers[name] for name, _ in source.values()}
-        if readers:
-            self._wait(max(reader.start(1) for reader in readers.values()))
-        fetched = {name: reader.fetch() for name, reader in readers.items()}
-        self._note_passing(fetched)
-        values = {column: float(fetched[name][channel][0]) for column, (name, channel) in source.items()}
-        self._guard.check_temperatures(values)
-        return values
-
-    def standard(self, factor: str, readings: int) -> float:
-        """Mean of so many readings of a reference standard, in the factor's unit. Raises `OverloadedError`."""
-        name, channel = self._bench.references[factor]
-        reader = self._readers[name]
-        self._wait(reader.start(readings))
-        fetched = reader.fetch()
-        self._note_passing({name: fetched})
-        found = standards({name: fetched}, {factor: (name, channel)}, self._bench.standards)[factor]
-        if found.overload:
-            raise OverloadedError(f"{factor} out of range while it was brought to its level")
-        return found.mean
-
-    def _note_passing(self, fetched: Mapping[str, Mapping[str, Sequence[float]]]) -> None:
-        """Note the outputs that a sweep reads along with the temperatures: a meter that hangs later may repeat them."""
-        for column, (reader, channel) in self._bench.sensors.items():
-            if reader not in fetched or is_overload(volts := fetched[reader][channel][-1]):
-                continue
-            before, value = self._in_passing.get(column, ()), volts * self._bench.scales[column]
-            if value not in before[-1:]:
-                self._in_passing[column] = (*before[-1:], value)
-
-    def take_in_passing(self) -> dict[str, tuple[float, ...]]:
-        """Output readings made while only temperatures were wanted, since the last call.
-
-        Returns:
-            By column, in its unit, the last two readings that differ.
-
-        """
-        taken, self._in_passing = self._in_passing, {}
-        return taken
-
-    def set_chamber(self, name: str, setpoint_degC: float) -> None:
-        """Command a chamber's setpoint, limits checked first."""
-        self._guard.check_command(f"{name}_degC", setpoint_degC)
-        self._chambers[name].set_temperature(setpoint_degC)
-
     def until_soaked(
         self,
         criteria: Mapping[str, Criteria],
@@ -563,8 +363,8 @@ class BenchActions:
         """
 
         def read() -> dict[str, float]:
-            chambers = {name: state["temperature_degC"] for name, state in self.environment().items()}
-            return chambers | self.temperatures(thermometers)
+            chambers = {name: state["temperature_degC"] for name, state in self.chambers.read().items()}
+            return chambers | self.sweeps.temperatures(thermometers)
 
         return self._until_settled(criteria, read, poll_s, watch, TemperaturesNotSettled, _BEARS)
 
@@ -575,16 +375,11 @@ class BenchActions:
             TemperaturesNotSettled: a chamber did not settle in time.
 
         """
-        for name in self._chambers:
-            self.set_chamber(name, settings.setpoint_degC)
-        criteria = Criteria(
-            settings.setpoint_degC,
-            settings.tolerance_degC,
-            settings.dwell_s,
-            settings.drift_degC_per_h / 3600.0,
-            settings.timeout_s,
-        )
-        return self.until_soaked(dict.fromkeys(self._chambers, criteria), settings.poll_s, ())
+        for name in self.chambers.names:
+            self.chambers.set(name, settings.setpoint_degC)
+        s = settings
+        criteria = Criteria(s.setpoint_degC, s.tolerance_degC, s.dwell_s, s.drift_degC_per_h / 3600.0, s.timeout_s)
+        return self.until_soaked(dict.fromkeys(self.chambers.names, criteria), settings.poll_s, ())
 
     def park(self, poll_s: float, timeout_s: float) -> None:
         """Drive every axis to its parking position, as near as the limits allow; one that stands there is left alone.

@@ -138,7 +138,7 @@ class AtPoint:
         at = self._at
         if self._soaking is not None:
             self._soaking.check_while_working(at.point)
-        elif not commanded(self._conduct.environment, self._do.environment()):
+        elif not commanded(self._conduct.environment, self._do.chambers.read()):
             return "prepare"  # somebody has set or switched off a chamber
         self._set_up()  # after the check, which reads the marks that setting up renews
         self._journal.start_timing()
@@ -212,7 +212,7 @@ class AtPoint:
         self._well.ask(at)  # before and after the readings: what is set wrongly at neither end was right between
         began = self._journal.elapsed()
         self._liveness.begin()
-        observation = self._do.measure(settings.readings, self._poll_s, self._references)
+        observation = self._do.sweeps.measure(settings.readings, self._poll_s, self._references)
         observation.references = {**self._settings.stated(), **observation.references}
         at.measured_s = (began, self._journal.elapsed())
         at.observation = observation
@@ -276,7 +276,7 @@ class AtPoint:
     def _check_alive(self, observation: Observation) -> None:
         """Detect a meter or sensor that hangs, or an old reply: the reading repeats to the last digit."""
         point = self._at.point
-        hanging = self._liveness.hanging(point, observation, self._do.take_in_passing())
+        hanging = self._liveness.hanging(point, observation, self._do.sweeps.take_in_passing())
         if hanging:
             self._well.doubt_repeated(hanging, observation.every_reading)
             words = f"{', '.join(hanging)} at point {point.index} hangs: the same reading to the last digit"
@@ -339,7 +339,7 @@ class AtPoint:
         self._do.check_control(after)
         positions = {axis: reading.value for axis, reading in after.items()}
         self._assert_undisturbed(at, positions)
-        chambers = self._do.environment()
+        chambers = self._do.chambers.read()
         self._check_environment(chambers)
         observed = Observed(
             verdict=ACCEPTED,

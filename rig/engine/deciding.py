@@ -111,7 +111,7 @@ class Deciding:
             self._clock.sleep(min(left, 5.0))
             self._look_up()
             with contextlib.suppress(DriverError):  # the failed instrument may be a chamber
-                self._do.look_around(self._clock.now())
+                self._do.chambers.look_around(self._clock.now())
 
     def _read_back(self, error: Exception) -> None:
         """Stop motion and read every state, before any other command."""

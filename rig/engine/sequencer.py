@@ -308,7 +308,7 @@ class Sequencer:
         if clock.noted:
             self._interruptions.check_time()
         if self._watched:
-            self._do.look_around(now)
+            self._do.chambers.look_around(now)
 
     # --- handlers, one a state ------------------------------------------------------------------------------
 

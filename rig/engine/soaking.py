@@ -97,7 +97,7 @@ class Soaking:
         if targets and fold.left_for != point.whole_plot:
             self._leave(point)
         for chamber, target in targets.items():
-            self._do.set_chamber(chamber, target)
+            self._do.chambers.set(chamber, target)
         doing = "soaking for" if targets else "setting"
         self._journal.message = f"{doing} whole plot {point.whole_plot} of {self._run_list.whole_plots}"
         self._go(point)
@@ -109,7 +109,7 @@ class Soaking:
             )
             self._journal.detail = f"{shown} degC"
             self.rules.check_thermometers(values)
-            disturbed = self.rules.check_chambers(point, self._do.chambers_seen)
+            disturbed = self.rules.check_chambers(point, self._do.chambers.seen)
             if disturbed:
                 raise TemperaturesNotSettled(disturbed, {})
 
@@ -118,7 +118,7 @@ class Soaking:
         evidence |= self._settle(point)
         arrivals = self._do.arrivals
         self._journal.message = self._journal.detail = ""
-        self._do.take_unwatched_s()  # readings before the end of the soak do not matter
+        self._do.chambers.take_unwatched_s()  # readings before the end of the soak do not matter
         self._journal.begin_whole_plot(
             WholePlotBegan(
                 planned=point.whole_plot,
@@ -162,14 +162,14 @@ class Soaking:
 
     def _leave(self, point: Point) -> None:
         """Make sure that temperatures change for a whole plot: a chamber already at its setpoint leaves it first."""
-        if not self.rules.left(point, self._do.environment()):
+        if not self.rules.left(point, self._do.chambers.read()):
             away = self.rules.renewal(point)
             self._journal.write(Renewing(setpoints_degC=away))
             self._journal.message = f"leaving temperatures that stand, for whole plot {point.whole_plot}"
             for chamber, target in away.items():
-                self._do.set_chamber(chamber, target)
+                self._do.chambers.set(chamber, target)
             limit = self._clock.now() + self._soak.timeout_s
-            while not self.rules.left(point, self._do.environment()):
+            while not self.rules.left(point, self._do.chambers.read()):
                 if self._clock.now() > limit:
                     raise TemperaturesNotSettled("no chamber left the temperature it was at", {}, tuple(away))
                 self._wait(self._soak.poll_s)
@@ -201,7 +201,7 @@ class Soaking:
             TemperatureLeft: the whole plot was lost.
 
         """
-        unwatched_s = self._do.take_unwatched_s()
+        unwatched_s = self._do.chambers.take_unwatched_s()
         why = self.lost_meanwhile(point, unwatched_s, restarted=self._do.restarted(), as_found=self._do.readback())
         if why:
             self.lose(why)
@@ -215,7 +215,7 @@ class Soaking:
         fold = self._journal.fold
         if fold.whole_plot is None or fold.planned != point.whole_plot:
             return False
-        unwatched_s, found = self._do.take_unwatched_s(), self._do.readback()
+        unwatched_s, found = self._do.chambers.take_unwatched_s(), self._do.readback()
         why = self.lost_meanwhile(point, unwatched_s, restarted=self._do.restarted(), as_found=found)
         if not why and self._held.by_head:
             why = "the head that holds its angle is homed again"

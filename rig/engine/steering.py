@@ -63,7 +63,7 @@ class Steering:
         near, tries, overshot = self._conduct.near[factor.name], list[tuple[float, float]](), False
         while True:
             setting = steered.setting(level)
-            tries.append((setting, self._do.standard(factor.name, self._conduct.readings)))
+            tries.append((setting, self._do.sweeps.standard(factor.name, self._conduct.readings)))
             steered.learn(*tries[-1])
             off = tries[-1][1] - level
             if abs(off) <= near:

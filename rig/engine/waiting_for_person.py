@@ -83,7 +83,7 @@ class Holding:
                     as_before = self._by_hand.reads and not why and not self._interruptions.hole
                     return "measure" if as_before else "repeat-check"
                 try:
-                    self._do.look_around(self._clock.now())
+                    self._do.chambers.look_around(self._clock.now())
                     self._look()
                 except InterlockHold as error:
                     why = str(error)
@@ -120,7 +120,7 @@ class Holding:
                         self._journal.write(Released(who=self._interruptions.who))
                     told = True
                     return go_on()
-                self._do.look_around(self._clock.now())
+                self._do.chambers.look_around(self._clock.now())
                 self._look()
             except InterlockHold as error:
                 why = str(error)

@@ -151,11 +151,11 @@ class Watch:
         if now - self._began_s > MOST_S:
             return f"the decision took longer than {MOST_S / 60.0:.0f} min"
         try:
-            chambers = self._do.environment()
+            chambers = self._do.chambers.read()
             while self._unset:  # the run has left them in their safe state
                 self._unset.pop().prepare()
             if self._thermometers:
-                self._do.temperatures(self._thermometers)
+                self._do.sweeps.temperatures(self._thermometers)
         except DriverError as error:
             self._lost += 1
             return str(error) if self._lost > _BEARS else ""

@@ -13,9 +13,9 @@ from ideal_bench import new_run, run_session
 from typer.testing import CliRunner
 
 from rig.cli.commands import app
-from rig.engine.actions import BenchActions
 from rig.engine.measuring import Channel
 from rig.engine.session import Outcome
+from rig.engine.sweeps import Sweeps
 from rig.run_file.read.reader import RunReader
 from rig.run_file.state.own_scatter import ALARM, FEWEST, LOOK_BACK, Contradiction, OwnScatter
 from rig.run_file.verify.sense import judged
@@ -35,7 +35,7 @@ OTHER_READINGS = 4
 
 def measured(monkeypatch, change):
     """Every measurement of the first output is changed by `change(number from 0, readings)`; returns them all."""
-    seen, measure = [], BenchActions.measure
+    seen, measure = [], Sweeps.measure
 
     def changed(self, *args):
         found = measure(self, *args)
@@ -44,7 +44,7 @@ def measured(monkeypatch, change):
         seen.append(found.outputs[name].readings)
         return found
 
-    monkeypatch.setattr(BenchActions, "measure", changed)
+    monkeypatch.setattr(Sweeps, "measure", changed)
     return seen
 
 

@@ -14,9 +14,9 @@ from general_lab import run_dry
 
 from rig.cli.progress import run_progress
 from rig.drivers.roles import SourceState
-from rig.engine.actions import BenchActions
 from rig.engine.axes import SourceMover
 from rig.engine.session import Outcome, Progress, Signals
+from rig.engine.sweeps import Sweeps
 from rig.procedures.plan.run_list import Factor
 from rig.run_file.events.bench import Fault
 from rig.run_file.events.by_hand import AskedToSet
@@ -133,14 +133,14 @@ def test_a_fixture_stands_over_a_short_interruption_and_is_asked_for_again_where
 
 
 def test_a_fixture_is_asked_for_again_after_a_time_in_which_the_controller_had_no_turn(tmp_path, monkeypatch):
-    measure, calls = BenchActions.measure, itertools.count()
+    measure, calls = Sweeps.measure, itertools.count()
 
     def late(self, *args):
         if next(calls) == 1:
             self._clock._clock.sleep(1000.0)  # nobody waits for it
         return measure(self, *args)
 
-    monkeypatch.setattr(BenchActions, "measure", late)
+    monkeypatch.setattr(Sweeps, "measure", late)
     path, result = run_dry(tmp_path, FIXTURE_PROCEDURE.replace("REPLICATIONS", "1"), FIXTURE, FIXTURE_WORLD)
     assert result.outcome is Outcome.COMPLETE, result.message
     makes_sense(path)

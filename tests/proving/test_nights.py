@@ -13,7 +13,7 @@ from proving.night.campaign import one_night, replay, unbiased
 from proving.night.checks import judge
 from proving.night.play import play
 from proving.night.scenario import EVERY_LAB, draw
-from rig.engine.actions import BenchActions
+from rig.engine.chambers import Chambers
 from rig.run_file.read.reader import RunReader
 from rig.tables.table_of_run import run_table
 
@@ -100,7 +100,7 @@ def test_an_identity_cut_short_is_no_other_instrument():
 def test_a_chamber_that_hangs_while_its_door_is_open_is_not_believed(monkeypatch, tmp_path, believed):
     """Seed 221688 with the run list of another: of its own, its last whole plot no longer meets that hour."""
     if believed:
-        monkeypatch.setattr(BenchActions, "_unchanged", lambda *_: {})
+        monkeypatch.setattr(Chambers, "_unchanged", lambda *_: {})
     night = draw(221688, "pressure")
     procedure = re.sub(r"(?m)^seed = .*$", "seed = 109", night.documents["procedure.toml"])
     night = dataclasses.replace(night, documents={**night.documents, "procedure.toml": procedure})
