@@ -14,14 +14,13 @@ from proving.paper.capture import capture
 from proving.paper.checks import checks, ranges
 from proving.paper.document import Section, computed_sections, experiment_sections
 from proving.paper.experiments import figures_22_to_54
-from proving.paper.fractions import figure_21
 from proving.paper.loci import figures_9_11_12
 from proving.paper.nights import NIGHTS
 from proving.paper.one_axis import figures_6_to_8
 from proving.paper.outputs import figures_1_to_5
 from proving.paper.plots import Figure
 from proving.paper.statement import Statement
-from proving.paper.table_2 import Measured
+from proving.paper.table_2 import Measured, figure_21
 from proving.paper.three_axes import figures_13_to_20
 from proving.paper.two_axes import figure_10
 from rig.engine.session import Progress

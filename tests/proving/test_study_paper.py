@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from proving.paper import computed_sections, measure, section_markdown, without_experiments
 from proving.paper.capture import at_points, temperature_corrected
 from proving.paper.checks import checks, ranges
-from proving.paper.document import experiment_sections, markdown
+from proving.paper.document import NOT_ALIKE, experiment_sections, markdown
 from proving.paper.experiments import figures_22_to_54
 from proving.paper.loci import locus_roll, x_y, x_z
 from proving.paper.nights import NIGHTS
@@ -26,7 +26,6 @@ from proving.paper.printed import TABLE_2
 from proving.paper.statement import about, above, below, digits
 from proving.paper.table_1 import table_1
 from proving.paper.table_2 import EXPERIMENTS, FRACTION_53, FRACTION_73, UNDER, Measured, bias_limit, identities
-from proving.paper.words import NOT_ALIKE
 from proving.truth.attitude import GRAVITY, Sensor, turn_pitch, turn_roll
 from rig.cli.commands import app
 from rig.files.toml_text import toml_text
