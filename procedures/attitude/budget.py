@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rig.fitter.arrays import FloatArray
 from rig.fitter.budget import TypeA
 from rig.fitter.errors import FitError
 from rig.fitter.linear import orthonormal
@@ -22,7 +23,6 @@ from rig.procedures.attitude.data import AttitudeData, settings
 from rig.procedures.attitude.fit import AttitudeFit, fit_all
 from rig.procedures.attitude.infer import AttitudeCalibration
 from rig.procedures.attitude.infer.calibrate import calibrate_package, told_of_drift
-from rig.procedures.attitude.influences import levelled
 from rig.procedures.attitude.model import attitude_columns
 from rig.procedures.attitude.results import PITCH, ROLL, Model
 from rig.procedures.attitude.temperature import Temperature
@@ -352,3 +352,23 @@ class AttitudeEvaluation(Evaluation):
 
 def _solve(h: FloatArray, y: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.lstsq(h, y, rcond=None)[0], np.float64)
+
+
+def levelled(pitch_deg: FloatArray, roll_deg: FloatArray, tilt_deg: float) -> Mapping[str, FloatArray]:
+    """Additions to pitch and roll for a base that is tilted about the roll axis's direction at zero pitch.
+
+    Gravity in the base is (0, -sin t, -cos t). The head turns it by pitch, then by roll; the angles of a level head
+    with the same gravity in the package are exact, also where pitch passes 90 deg.
+
+    Args:
+        pitch_deg: (n,) angles of the head.
+        roll_deg: (n,).
+        tilt_deg: tilt t of the base along the pitch axis, about the horizontal axis across it.
+    """
+    a, t = np.radians(pitch_deg), np.radians(tilt_deg)
+    x, z = np.sin(a) * np.cos(t), np.cos(a) * np.cos(t)
+    side = np.where(z < 0, -1.0, 1.0)
+    pitch = np.arctan2(x, side * np.hypot(np.sin(t), z))
+    roll = np.arctan2(np.sin(t) * side, z * side)
+    turned = np.degrees(pitch) - pitch_deg
+    return {"pitch_deg": turned - 360.0 * np.round(turned / 360.0), "roll_deg": np.degrees(roll)}

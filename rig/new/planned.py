@@ -11,7 +11,8 @@ from rig.errors import RigError
 from rig.new.answers import Answers
 from rig.new.files import BENCH, PROCEDURE, REGISTER, limits
 from rig.procedures.present.blocks import Block, Line
-from rig.verbs.plan.result import Plan, of_certificate, plan
+from rig.verbs.plan.for_people import of_certificate
+from rig.verbs.plan.result import Plan, plan
 
 if TYPE_CHECKING:
     from rig.engine.session import Progress

@@ -12,7 +12,7 @@ from general_lab import PROCEDURE, run_dry
 from rig.examples import example
 from rig.fitter.effects.own import own_effects
 from rig.fitter.errors import FitError
-from rig.procedures.general.effects.manual_changes import MANUAL_CHANGES, OTHER_METER
+from rig.procedures.general.effects import MANUAL_CHANGES, OTHER_METER
 from rig.procedures.general.effects.own import GRAMMAR
 
 ROOT, LOAD_CELL = Path(__file__).parents[2], example("load-cell-lab")

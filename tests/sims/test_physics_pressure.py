@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rig.sims.physics import Plant
-from rig.sims.physics.transpiration import at_the_sensor_psia
+from rig.sims.physics.pressure_stand import at_the_sensor_psia
 from rig.sims.world import World
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "pressure-lab"

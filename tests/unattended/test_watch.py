@@ -32,9 +32,8 @@ from rig.run_file.write.writer import RunWriter
 from rig.runs.previous import read_previous
 from rig.tables import read_table
 from rig.watch import Access, Shelf, make_app
-from rig.watch.feed import RunFeed, encoded, said
+from rig.watch.feed import KEPT, RECENT, RunFeed, Sample, encoded, said
 from rig.watch.reading import WatchReader
-from rig.watch.sample import KEPT, RECENT, Sample
 from rig.watch.server import only_this_machine
 from rig.watch.shelf import Entry
 

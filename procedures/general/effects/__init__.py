@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import Any
 
 from rig.fitter.effects.entry import Source
+from rig.fitter.effects.manual_changes import ByHand, Change, resized_by
 from rig.fitter.effects.sizes import Size
 from rig.procedures.column_names import spelled, unit_of
 from rig.procedures.general.effects.catalogue import TABLE_CATALOGUE
 from rig.procedures.general.effects.kind import Of, TableEffect, TableKind
-from rig.procedures.general.effects.manual_changes import MANUAL_CHANGES
 from rig.procedures.general.effects.scene import TableScene, is_temperature
+
+OTHER_METER = Change("meter-swapped", "read the sensors with another meter, if possible of another type")
+OTHER_REFERENCE = Change("reference-swapped", "use another reference standard, if possible of another type")
+OTHER_CHANNEL = Change("channel-swapped", "connect the sensors to other channels, not beside each other", anew=False)
+REMOUNTED = Change("remount", "take the sensors out, and mount them again as they were")
+
+MANUAL_CHANGES: Mapping[str, tuple[ByHand, ...]] = {
+    "range-step": (resized_by(OTHER_METER),),
+    "range-gain": (resized_by(OTHER_METER),),
+    "reference-nonlinearity": (resized_by(OTHER_REFERENCE),),
+    "cross-talk": (resized_by(OTHER_CHANNEL),),
+    "direction": (resized_by(REMOUNTED),),
+    "direction-gain": (resized_by(REMOUNTED),),
+    "direction-by-covariate": (resized_by(REMOUNTED),),
+}
+"""By kind of effect: what a change of a part does to an error of this part."""
+
 
 __all__ = ["TABLE_CATALOGUE", "TableEffect", "TableKind", "effects_of"]
 
