@@ -179,7 +179,8 @@ def with_shares(
 def verdict(*, found: bool, fell: bool, rest: Iterable[Finding], doubtful: bool = False) -> str:
     """One word or two for a sensor, by one rule in every kind of run.
 
-    Findings about the noise are not effects: they explain nothing, and nothing is added to the model for them.
+    Findings about the noise are not effects: they explain nothing, and nothing is added to the model for them. A wander
+    of the error that may be an effect is not explained, but doubts none that is found.
 
     Args:
         found: whether effects were found, without findings about the noise.
@@ -188,10 +189,11 @@ def verdict(*, found: bool, fell: bool, rest: Iterable[Finding], doubtful: bool 
         doubtful: whether any name of an effect is.
 
     """
+    rest = tuple(rest)
     remains = any(one.stratum != "noise" for one in rest)
     if found:
         return "explained" if fell and not remains and not doubtful else "partly explained"
-    return "unexplained" if remains else "nothing to add"
+    return "unexplained" if rest else "nothing to add"
 
 
 @dataclass(frozen=True)

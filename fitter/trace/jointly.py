@@ -98,7 +98,7 @@ def jointly(metric: Metric, values: FloatArray, limit: float, near: IntArray | N
     near = nearest(even) if near is None else near[:, :NEIGHBOURS]
     steps = _steps(metric, u, every)
     own = float(_evidence(steps, left, df).max(initial=0.0))
-    normal, alike = math.exp(-own) * len(steps), float(_alike(near, left[:, None])[0])
+    normal, alike = math.exp(-own) * len(steps) if steps else 1.0, float(_alike(near, left[:, None])[0])
     seen, close = QUESTIONS * normal < limit, alike * math.sqrt(n) > CLOSE
     if not (seen or close):
         return None

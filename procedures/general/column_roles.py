@@ -24,7 +24,7 @@ from rig.procedures.general.effects.kind import TableEffect
 from rig.procedures.general.effects.own import missing_in
 from rig.procedures.general.effects.scene import Grouping, Stood, TableScene
 from rig.procedures.general.formula_settings import settings_of, subtracted
-from rig.procedures.general.order import Parts, alike, identities, time_of
+from rig.procedures.general.order import Parts, alike, identities, numbers_rows, time_of
 from rig.procedures.general.own_time import seen_by
 from rig.procedures.general.trace import TableData
 from rig.procedures.present.meant import meant
@@ -129,7 +129,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
             f"--ignore: there is no column {missing[0]!r}; the table has {', '.join(there)}{meant(missing[0], there)}"
         )
     notes: list[str] = []
-    free = _free(table, roles, (*formula.names, *response.names))
+    free = _free(table, roles, (*formula.names, *response.names), notes)
     given = subtracted(response)
     categories = tuple(c.name for term in formula.terms for c in term.categories)
     parts = Parts(
@@ -232,8 +232,8 @@ def _parse(option: str, text: str) -> Formula:
         raise DataError(f"{option}: {error}") from error
 
 
-def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
-    """Columns of numbers without another role: the covariates."""
+def _free(table: Table, roles: Roles, used: Sequence[str], notes: list[str]) -> list[str]:
+    """Columns of numbers without another role: the covariates, but for numbers of rows, which are noted."""
     if roles.candidates is not None:
         for name in roles.candidates:
             if name not in table.columns:
@@ -242,7 +242,10 @@ def _free(table: Table, roles: Roles, used: Sequence[str]) -> list[str]:
                 raise FitError(f"--candidates and --ignore both name {name}: leave out one of them")
         return [name for name in roles.candidates if name not in used]
     taken = {*used, *roles.named, *roles.ignore, *(other for name in table.columns for other in beside(name))}
-    return [name for name in table.columns if name not in taken]
+    free = [name for name in table.columns if name not in taken]
+    counts = [name for name in free if numbers_rows(name, table.columns[name])]
+    notes.extend(f"{name} numbers the rows of the file and was not looked at" for name in counts)
+    return [name for name in free if name not in counts]
 
 
 def _moves(name: str, columns: Columns) -> tuple[FloatArray, FloatArray | None] | None:

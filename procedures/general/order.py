@@ -23,8 +23,10 @@ _COUNTERS = re.compile(
     r"^(seq|sequence|order|block|index|row|reading|n|no|nr|number|run_order|run_index)$", re.IGNORECASE
 )
 """Names of columns used as time by default."""
+_ROW_NAMES = re.compile(r"^(row_?(names?|id|no|nr|number)|unnamed: ?0)$", re.IGNORECASE)
+"""Of rows that another program numbered as it wrote the file, which says nothing of the order of measurement."""
 _MORE = "steps, oscillations, carry-over and drifting sensitivity are looked for then too"
-_MAYBE = ", and effects had to stand out from errors that are alike along the rows, as they are if taken in this order"
+_MAYBE = ", and effects that do not stand out from errors that are alike along the rows, as in this order, are doubtful"
 _SAME = 0.9999
 
 
@@ -78,7 +80,7 @@ def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | No
             return Timeline(name, anew, presumed=True), False
     by = _sorted_by(table, parts)
     if by is not None and parts.direction not in parts.settings:
-        along = by in {*parts.settings, *parts.free} and _rises(table.columns[by])
+        along = by in table.columns and by in {*parts.settings, *parts.free} and _rises(table.columns[by])
         notes.append(
             f"rows are sorted by {by} and no column of time was given, so their order in time is not known: "
             f"drift, steps, carry-over and lags were not looked for{_MAYBE if along else ''}; --time names the column"
@@ -158,6 +160,11 @@ def alike(v: FloatArray, time: Timeline, notes: list[str], name: str) -> bool:
         return False
     notes.append(f"{name} runs with {time.name} and was not looked at by itself")
     return True
+
+
+def numbers_rows(name: str, v: FloatArray) -> bool:
+    """Whether a column has the numbers that another program gave to the rows of its file."""
+    return bool(_ROW_NAMES.search(name)) and np.unique(v).size == v.size and bool((v == np.round(v)).all())
 
 
 def codes(values: Any) -> IntArray:

@@ -140,7 +140,7 @@ def test_noise_alone_is_said_and_explains_nothing():
         (True, True, (remains("here", 0.1),), "partly explained"),
         (True, True, (remains("a walk", 0.1, stratum="noise"),), "explained"),
         (False, False, (remains("here", 0.1),), "unexplained"),
-        (False, False, (remains("a walk", 0.1, stratum="noise"),), "nothing to add"),
+        (False, False, (remains("a walk", 0.1, stratum="noise"),), "unexplained"),
         (False, False, (), "nothing to add"),
     ],
 )

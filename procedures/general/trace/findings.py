@@ -265,6 +265,7 @@ def _finding(
     factor: FloatArray | None,
     aliases: tuple[str, ...] = (),
 ) -> FoundTableEffect:
+    factor = None if factor is None else factor[: len(data.names)]  # behind them are rows that stand apart
     words = in_words(data.names, factor)
     return FoundTableEffect.of_noise(
         effect=name,

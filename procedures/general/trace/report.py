@@ -10,7 +10,15 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.effects.noise_names import AUTOCORRELATION
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import DELTA
-from rig.fitter.trace.doubts import MANY, beside_a_wander, beyond_chance, by_chance, several_causes
+from rig.fitter.trace.doubts import (
+    MANY,
+    beside_a_wander,
+    beyond_chance,
+    by_chance,
+    if_independent,
+    not_predicted,
+    several_causes,
+)
 from rig.fitter.trace.drawn import drawn_instead
 from rig.fitter.trace.engine.both import Both
 from rig.fitter.trace.engine.components import Components
@@ -76,13 +84,20 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
     slow = {c.effect.name for c in judge.candidates if c.effect.source == "time" or ORDER in c.effect.columns}
     wandering = slow if wanders else set()
     tried = judge.problem.sensors * sum(len(c.term.labels) for c in judge.candidates)
-
-    def doubt(effect: FoundTableEffect) -> str | None:
-        return _unsettled(effect, data) or doubts.get(effect.effect) or _doubt(effect, wandering, tried)
-
-    effects, rest = with_shares(shown, divided, doubt), of_rest(divided, left)
     cv, words, lost = ((None, None), None, 0) if crossed is None else crossed
     words = data.shares if words == SHARING else words
+    rises = cv[0] is not None and cv[1] is not None and cv[1] > cv[0]
+
+    def doubt(effect: FoundTableEffect) -> str | None:
+        return (
+            _unsettled(effect, data)
+            or doubts.get(effect.effect)
+            or (not_predicted() if rises else None)
+            or (if_independent() if found.if_independent else None)
+            or _doubt(effect, wandering, tried)
+        )
+
+    effects, rest = with_shares(shown, divided, doubt), of_rest(divided, left)
     sides = [
         TableSide(fitted, error, own, strata_of(judge, terms, data.shared), data.shares)
         for fitted, error, own, terms in zip((before, after), cv, pure, ((), chosen), strict=True)

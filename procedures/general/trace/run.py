@@ -12,6 +12,7 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import DELTA
 from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.doubts import CHANCE
 from rig.fitter.trace.engine.both import Both
 from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.judge import TableJudge
@@ -26,6 +27,7 @@ from rig.fitter.trace.keep import kept, never_above
 from rig.fitter.trace.not_kept import NotKept
 from rig.fitter.trace.search import names_of, prune, search_and_name
 from rig.procedures.general.effects.scene import TableScene
+from rig.procedures.general.gross import of_table
 from rig.procedures.general.trace.candidates import candidates_of
 from rig.procedures.general.trace.estimate import error_of, stated
 
@@ -93,12 +95,21 @@ class TableData:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Result of a search, with significant effects that were not kept."""
+    """Result of a search, with significant effects that were not kept.
+
+    Attributes:
+        judge: with the noise beside what was found.
+        chosen: candidates in the model.
+        growth: of the noise.
+        not_kept: significant effects that were not kept.
+        if_independent: whether the effects are found only if errors of neighbouring rows are independent.
+    """
 
     judge: TableJudge
     chosen: tuple[int, ...]
     growth: Growth | OfLevels | None
     not_kept: tuple[NotKept, ...]
+    if_independent: bool = False
 
 
 def problem_of(data: TableData) -> Problem:
@@ -132,14 +143,19 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
     change.
 
     For rows sorted by a setting, with unknown order of measurement: after a nonlinearity is significant against
-    correlated errors, the remaining correlation is much more likely a part of it than a random walk.
+    correlated errors, the remaining correlation is much more likely a part of it than a random walk. Where nothing is,
+    a walk along the rows is a curve over the setting (`_if_independent`).
     """
     growth: Growth | OfLevels | None = None
     _, chosen = search_and_name(judge, lead=judge.lead)
     judge, chosen = _corners_first(judge, chosen)
+    alone = None
     if data.order_unknown and any(judge.candidates[j].effect.source == "setting" for j in chosen):
         judge = TableJudge(judge.problem.given(noise=Independent(judge.problem.n)))
         chosen = search_and_name(judge, prune(judge, chosen), judge.lead)[1]
+    elif data.order_unknown and not chosen:
+        alone = _if_independent(judge, data)
+        judge, chosen = alone or (judge, chosen)
     for _ in range(ROUNDS):
         problem = refined(judge, chosen)
         judge = TableJudge(problem, judge.families) if problem is not judge.problem else judge
@@ -161,7 +177,19 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
     shared = data.shared if data.shared is None or rows is None else data.shared[rows]
     chosen = _simplest_orders(judge, chosen)
     chosen, above = never_above(judge, chosen, partial(stated, judge, shared=shared, beside=chosen), (None,))
-    return Found(judge, chosen, growth, (*not_kept, *above))
+    return Found(judge, chosen, growth, (*not_kept, *above), alone is not None)
+
+
+def _if_independent(judge: TableJudge, data: TableData) -> tuple[TableJudge, tuple[int, ...]] | None:
+    """Effects that are found if errors of neighbouring rows are independent, one hardly by chance; None for none.
+
+    Gross errors in neighbouring rows are a level of their own, which curves follow.
+    """
+    judge = TableJudge(judge.problem.given(noise=Independent(judge.problem.n)))
+    judge, chosen = _corners_first(judge, search_and_name(judge, lead=judge.lead)[1])
+    if not chosen or min(judge.p_adjusted(chosen, j) for j in chosen) > CHANCE:
+        return None
+    return None if of_table(data.y, data.columns, data.shared).rows.size else (judge, chosen)
 
 
 def _corners_first(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[TableJudge, tuple[int, ...]]:
