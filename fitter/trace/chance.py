@@ -16,6 +16,11 @@ COUNTED = 1 / 7
 """Share of ALPHA for tests that are counted one by one."""
 
 
+def counted(p: float, sensors: int) -> float:
+    """Family-wise p of such a test, which each sensor of a run has."""
+    return min(p * sensors / COUNTED, 1.0)
+
+
 DRAWS = 20_000
 
 

@@ -12,7 +12,7 @@ from scipy import special
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.effects.noise_names import OUTLIERS
 from rig.fitter.resolution import least_robust_sd, robust_sd
-from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.chance import ALPHA, counted
 from rig.fitter.trace.limits import limit
 
 ALONE = 4.5
@@ -59,17 +59,30 @@ def isolated(
 
 
 def in_groups(
-    left: FloatArray, step: FloatArray | float, group: IntArray, sd: FloatArray, most: float = MOST
+    left: FloatArray,
+    step: FloatArray | float,
+    group: IntArray,
+    sd: FloatArray,
+    most: float = MOST,
+    sensors: int | None = None,
 ) -> FloatArray:
     """(n,) reduction of isolated residuals beside the others of their group; of more than a share of `most`, none.
 
-    On the scale of a quantile of all: an effect that the model lacks is larger in some rows of each group.
+    On the scale of a quantile of all: an effect that the model lacks is larger in some rows of each group. For so many
+    `sensors` of a long run only where the clearest is beyond chance: the whole search is repeated for them.
     """
     left = left - _medians(left * sd, group)[group] / sd
     usual = robust_sd(left, step, INSIDE)
     held = np.clip(left, -HELD * usual, HELD * usual)
     off = np.where(np.abs(left) > _limit(len(left)) * usual, left - held, 0.0)
-    return off if np.count_nonzero(off) <= max(most * len(left), 1.0) else np.zeros_like(left)
+    chance = 0.0 if sensors is None or not np.any(off) else _by_chance(float(np.max(np.abs(left))) / usual, len(left))
+    few = np.count_nonzero(off) <= max(most * len(left), 1.0)
+    return off if few and counted(chance, sensors or 1) <= ALPHA else np.zeros_like(left)
+
+
+def _by_chance(sd: float, n: int, df: float = np.inf) -> float:
+    """Probability that one of n rows is so many standard deviations off, at most."""
+    return min(2.0 * float(special.stdtr(df, -sd)) * n, 1.0)
 
 
 def _medians(values: FloatArray, group: IntArray) -> FloatArray:
@@ -96,7 +109,7 @@ def told(
     rows = np.flatnonzero(off)
     rows = rows[np.argsort(-np.abs(deviation[rows] / error[rows]), kind="stable")]
     sd = np.abs(deviation[rows] / error[rows])
-    p = min(2.0 * float(special.stdtr(df, -sd[0])) * off.size * sensors, 1.0) if rows.size else 1.0
+    p = min(_by_chance(float(sd[0]), off.size, df) * sensors, 1.0) if rows.size else 1.0
     if p > ALPHA:
         return None
     return {

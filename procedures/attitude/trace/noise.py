@@ -14,7 +14,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS
 from rig.fitter.resolution import resolution
-from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.chance import ALPHA, counted
 from rig.fitter.trace.engine.robust import in_groups, told
 from rig.fitter.trace.growing_noise import Growth, growth_of
 from rig.fitter.trace.limits import limit
@@ -24,7 +24,7 @@ from rig.procedures.attitude.trace.problem import Problem, raw_columns
 from rig.procedures.attitude.trace.result import FoundEffect
 from rig.procedures.attitude.trace.score import errors, rounding
 from rig.procedures.attitude.trace.view import View
-from rig.procedures.attitude.trace.wander import of_all, walk_evidence
+from rig.procedures.attitude.trace.wander import walk_evidence
 
 FEW = limit("most outliers", "pitch-roll")
 """Maximum share of readings that stand alone; more mean noise with long tails, or an effect."""
@@ -47,7 +47,7 @@ def noise_findings(problem: Problem, after: Estimate, i: int) -> tuple[FoundEffe
 
 def _walk(problem: Problem, left: FloatArray, sigma: float, i: int) -> FoundEffect | None:
     p, step = walk_evidence(problem, left)
-    p_adjusted = of_all(problem, p)
+    p_adjusted = counted(p, len(problem.sensors))
     if problem.wander[i] == 0 and p_adjusted > ALPHA:
         return None
     night = sigma * float(np.sqrt(max(step, problem.wander[i]) * len(left)))
@@ -133,7 +133,7 @@ def alone(data: AttitudeData, residual: FloatArray) -> FloatArray:
     """
     group = data.point if data.replicates.size >= REPLICATIONS else np.zeros(len(data), np.int64)
     each, sd = zip(residual, data.outputs.values(), strict=True), np.ones(len(data))
-    return np.stack([in_groups(left, resolution(output), group, sd, FEW) for left, output in each])
+    return np.stack([in_groups(left, resolution(output), group, sd, FEW, len(residual)) for left, output in each])
 
 
 def alone_finding(

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.chance import ALPHA, COUNTED
+from rig.fitter.trace.chance import ALPHA, counted
 from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.score import errors
 from rig.procedures.attitude.trace.view import View
@@ -29,13 +29,8 @@ def with_wander(problem: Problem, chosen: tuple[int, ...]) -> Problem:
     if problem.levels.df(level) <= 0 or count // problem.scene.data.replicates.size < SHORTEST:
         return problem
     left = View(problem, level, chosen, errors(problem, chosen)).outputs
-    found = [(of_all(problem, p), step) for p, step in (walk_evidence(problem, one) for one in left)]
+    found = [(counted(p, len(left)), step) for p, step in (walk_evidence(problem, one) for one in left)]
     return replace(problem, wander=np.array([step if p <= ALPHA else 0.0 for p, step in found]))
-
-
-def of_all(problem: Problem, p: float) -> float:
-    """P of a test that each sensor has."""
-    return min(p * len(problem.sensors) / COUNTED, 1.0)
 
 
 def walk_evidence(problem: Problem, left: FloatArray) -> tuple[float, float]:

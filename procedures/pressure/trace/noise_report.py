@@ -10,7 +10,7 @@ from scipy import special
 
 from rig.fitter.effects.noise_names import AUTOCORRELATION, COMMON_ERROR
 from rig.fitter.quantiles import t_limit
-from rig.fitter.trace.chance import ALPHA, COUNTED
+from rig.fitter.trace.chance import ALPHA, counted
 from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.robust import told
 from rig.procedures.pressure.effects import GROWING_NOISE
@@ -62,7 +62,7 @@ def _remembered(run: Run, i: int) -> FoundPressureEffect | None:
     assert isinstance(noise, Components)
     likely, still = beside.reml + 0.5 * noise.prices, noise.grid[:, 2] == 0.0
     p = 0.5 * float(special.chdtrc(1, 2.0 * max(float(likely.max() - likely[still].max()), 0.0)))
-    p = _of_all(run, p)
+    p = counted(p, len(run.judge.problem.sensors))
     if p > ALPHA:
         return None
     rho = float(noise.grid[int(np.argmax(likely)), 2])
@@ -87,7 +87,7 @@ def _common(run: Run, i: int) -> FoundPressureEffect | None:
     """Errors of whole plots that are those of another transducer too, if they are significant."""
     judge, chosen = run.judge, run.after.chosen
     found = common_error(judge.problem, judge.white(chosen).view("whole-plot", chosen), i)
-    if found is None or _of_all(run, found.p) > ALPHA:
+    if found is None or counted(found.p, len(run.judge.problem.sensors)) > ALPHA:
         return None
     sd = float(run.after.fits[i].sigma_wholeplot)
     return _of_noise(
@@ -101,7 +101,7 @@ def _common(run: Run, i: int) -> FoundPressureEffect | None:
         unit="1",
         size=f"errors of whole plots correlate by {found.correlation:.2f}; their sd is {sd:.2g} mV, and a mean of "
         "transducers has them in full",
-        p=_of_all(run, found.p),
+        p=counted(found.p, len(run.judge.problem.sensors)),
         separate_by="record what acts on all transducers (ambient pressure, supply, gradients, the reference's "
         "temperature), and repeat a whole plot after another history",
         against="elapsed_s",
@@ -123,11 +123,6 @@ def _outliers(run: Run, i: int) -> FoundPressureEffect | None:
     if found is None:
         return None
     return _of_noise(run, i, unit="mV", peak_mV=float(np.max(np.abs(found["coefficients"]))), **found)
-
-
-def _of_all(run: Run, p: float) -> float:
-    """P of a test that each transducer has."""
-    return min(p * len(run.judge.problem.sensors) / COUNTED, 1.0)
 
 
 def _of_noise(run: Run, i: int, *, p: float, peak_mV: float, **told: Any) -> FoundPressureEffect:
