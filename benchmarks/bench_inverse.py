@@ -1,11 +1,12 @@
-"""Three-axis inference a second, beside MINPACK, and how near its corrections come to iteration to the end.
+"""Three-axis inference a second, beside MINPACK.
 
     python -m benchmarks.bench_inverse
 
 Corrections alone take one core; with standard deviations, intervals and flags, blocks of readings share all. So both
 rates are printed: by the clock, and by processor time of all cores together.
 
-The bench is proving/truth/attitude.py, written from rotations. Whether intervals hold: proving/statistics/inference.py.
+The bench is proving/truth/attitude.py, written from rotations. How near corrections come to
+iteration to the end: tests/infer/test_inverse_fast.py. Whether intervals hold: proving/statistics/inference.py.
 """
 
 import os
@@ -51,30 +52,6 @@ def speed():
     start = time.perf_counter()
     minpack(calibration, v[:few])
     print(f"  {'MINPACK (leastsq), a call each':32s} {few / (time.perf_counter() - start) / 1e6:7.3f} million/s")
-    accuracy(three, rng)
-
-
-def accuracy(three, rng):
-    """Corrections against iteration to the end, for noise of other sizes."""
-    pitch, roll = rng.uniform(-89, 89, 200_000), rng.uniform(-180, 180, 200_000)
-    exact = volts(BENCH, pitch, roll)
-    for noise in (1e-5, 1e-4, 1e-3):
-        v = exact + rng.normal(0, 5 * noise, exact.shape)
-        for ratio in (1.0, 10.0):
-            weighed = ThreeAxis.of(three.offsets_V, _matrix(three), np.array([1.0, ratio, ratio]))
-            end = _scaled(weighed.angles_deg(v, 6))
-            errors = [
-                max(np.abs(_turn(f - e)).max() for f, e in zip(_scaled(weighed.angles_deg(v, s)), end, strict=True))
-                for s in (1, 2)
-            ]
-            print(
-                f"  noise {noise:.0e} g, y and z weighed as {ratio:2.0f} times worse: "
-                f"one correction {errors[0]:.0e} rad, two {errors[1]:.0e} rad"
-            )
-
-
-def _matrix(three):
-    return np.linalg.inv(three.to_package @ three.to_principal)
 
 
 def _angles(found):

@@ -13,14 +13,13 @@ import json
 import math
 import sys
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
-from proving.chaos.tape import Reading, Row, Run, Server, Tape, by_utc, numbers, same
+from proving.chaos.tape import Reading, Row, Run, Server, Tape, by_utc, found_among, numbers, quantities
 
 KINDS = ("lost", "doubled", "wrong", "stays", "holes")
 """Points not observed, or observed and gone; observed twice; not as on the tape; not one stay; holes not recorded."""
@@ -155,7 +154,8 @@ class Checker:
         begin, end = (clock(row, t) for t in row.body["measured_s"])
         slack = self._slack_s
         found = (
-            self._found(self._tape.readings[s], v, k, begin - slack, end + slack) for _, s, k, v in self._sources(row)
+            found_among(self._tape.readings[s], v, k, begin - slack, end + slack)
+            for _, s, k, v in self._run.sources(row)
         )
         return all(part is not None for part in found)
 
@@ -178,7 +178,7 @@ class Checker:
     # --- one observation -------------------------------------------------------------------------------------
 
     def _check_observation(self, row: Row) -> None:
-        for what, channel in self._quantities(row):
+        for what, channel in quantities(row):
             readings = channel["readings"]
             mean = math.fsum(readings) / len(readings)
             if not math.isclose(mean, channel["mean"], rel_tol=1e-9, abs_tol=1e-12):
@@ -186,8 +186,8 @@ class Checker:
         begin, end = (self._at(row, t) for t in row.body["measured_s"])
         slack = self._slack_s * (20 if row.session in self._by_utc else 1)
         matched: list[Reading] = []
-        for what, source, scale, values in self._sources(row):
-            found = self._found(self._tape.readings[source], values, scale, begin - slack, end + slack)
+        for what, source, scale, values in self._run.sources(row):
+            found = found_among(self._tape.readings[source], values, scale, begin - slack, end + slack)
             if found is None:
                 self._wrong(row, f"{what} = {values} is not on the tape when it was read")
             else:
@@ -205,39 +205,10 @@ class Checker:
     def _wrong(self, row: Row, words: str) -> None:
         self._verdict.say("wrong", f"record {row.seq}, point {row.run_index}: {words}")
 
-    @staticmethod
-    def _quantities(row: Row) -> Iterator[tuple[str, dict[str, Any]]]:
-        for group in ("outputs", "temperatures", "references"):
-            yield from row.body.get(group, {}).items()
-
-    def _sources(self, row: Row) -> Iterator[tuple[str, tuple[str, str], float, list[float]]]:
-        """Column, (instrument, channel), its unit in the tape's, readings."""
-        bench = self._run.bench
-        for column, channel in row.body["outputs"].items():
-            name, unit = column.rsplit("_", 1)
-            sensor = bench["sensors"][name]
-            scale = {"V": 1.0, "mV": 1e3}[unit]
-            yield column, (sensor["reader"], str(sensor.get("channel", "input"))), scale, channel["readings"]
-        for column, channel in row.body["temperatures"].items():
-            source = bench["temperatures"][column]
-            yield column, (source["reader"], str(source["channel"])), 1.0, channel["readings"]
-
-    @staticmethod
-    def _found(
-        tape: list[Reading], values: list[float], scale: float, begin: float, end: float
-    ) -> list[Reading] | None:
-        """Neighbours on the tape, within a time, that were given as `values`."""
-        near = [r for r in tape if begin <= r.begin and r.end <= end]
-        for at in range(len(near) - len(values) + 1):
-            part = near[at : at + len(values)]
-            if all(same(r, v, scale) for r, v in zip(part, values, strict=True)):
-                return part
-        return None
-
     def _check_references(self, row: Row, begin: float, end: float) -> None:
         for column, channel in row.body.get("references", {}).items():
             tape = self._tape.readbacks[self._run.bench["factors"][column]]
-            if self._found(tape, channel["readings"], 1.0, begin, end) is None:
+            if found_among(tape, channel["readings"], 1.0, begin, end) is None:
                 self._wrong(row, f"{column} = {channel['readings']} was not read back then, by the tape")
 
     def _check_truth(self, row: Row, matched: list[Reading]) -> None:

@@ -129,6 +129,23 @@ class Run:
         self.sessions = {r.session: r for r in self.rows if r.kind == "session"}
         self.whole_plots = any(hard for _, _, hard in self.factors)
 
+    def sources(self, row: Row) -> Iterator[tuple[str, tuple[str, str], float, list[float]]]:
+        """Column, (instrument, channel), its unit in the tape's, readings."""
+        for column, channel in row.body["outputs"].items():
+            name, unit = column.rsplit("_", 1)
+            sensor = self.bench["sensors"][name]
+            scale = {"V": 1.0, "mV": 1e3}[unit]
+            yield column, (sensor["reader"], str(sensor.get("channel", "input"))), scale, channel["readings"]
+        for column, channel in row.body["temperatures"].items():
+            source = self.bench["temperatures"][column]
+            yield column, (source["reader"], str(source["channel"])), 1.0, channel["readings"]
+
+
+def quantities(row: Row) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Quantities of an observation by column."""
+    for group in ("outputs", "temperatures", "references"):
+        yield from row.body.get(group, {}).items()
+
 
 def accepted_in(path: Path) -> dict[tuple[int, int], str]:
     """Accepted observations of a run file: (point, whole plot or 0) to what was read."""
@@ -158,3 +175,15 @@ def numbers(text: str) -> Iterator[float]:
             yield float(word)
         except ValueError:
             continue
+
+
+def found_among(
+    tape: list[Reading], values: list[float], scale: float, begin: float, end: float
+) -> list[Reading] | None:
+    """Neighbours on the tape, within a time, that were given as `values`."""
+    near = [r for r in tape if begin <= r.begin and r.end <= end]
+    for at in range(len(near) - len(values) + 1):
+        part = near[at : at + len(values)]
+        if all(same(r, v, scale) for r, v in zip(part, values, strict=True)):
+            return part
+    return None
