@@ -39,7 +39,7 @@ def beyond_chance(coefficients: Sequence[float], errors: Sequence[float], df: fl
 
 def something_left(place: str, p: float) -> str:
     """Sentence about a remainder."""
-    return f"the residual still follows a shape {place} that it does not explain (p = {p:.1g})"
+    return f"it does not explain all: the residual still follows a shape {place} (p = {p:.1g})"
 
 
 def not_constant(over: str, p: float) -> str:
@@ -99,7 +99,7 @@ def another_law(name: str, *, corner: bool = True) -> str:
 
 def several_values(count: int) -> str:
     """Sentence about an effect that uses several values of its searched constant at once."""
-    return f"it takes {count} values of a constant that has one true value: together they can have almost any shape"
+    return f"it was found with {count} values of its constant, and a cause has one: together they follow any shape"
 
 
 def rests_on(rows: Sequence[int]) -> str:

@@ -131,10 +131,16 @@ def _effects(sensors: Mapping[str, Any]) -> Iterator[Block]:
             interval = f" (95 %: {escape(one['size_95'])})" if one["size_95"] else ""
             of_all = "" if one["stratum"] == "noise" else f", {share(one)}"
             found_as = f"{escape(one['size'])}{interval}{of_all}, p {chance(one)}{'' if alike else f';{_or(others)}'}"
-            constants = "".join(f", {escape(words)}" for words in constants_of(one))
+            constants = "".join(f", {escape(words)}" for words in _constants(one))
             yield Paragraph(f"{escape(sensor)}: {found_as}{constants}", 4)
             if one["doubtful"]:
                 yield Paragraph(f"[yellow]doubtful: {escape(one['doubtful'])}[/]", 6)
+
+
+def _constants(effect: Mapping[str, Any]) -> Iterator[str]:
+    """Its searched constants; of those without a name the first term that has them, such as (time > 1898.5)."""
+    yield from constants_of(effect)
+    yield from (f"as {term}" for term in effect.get("searched", ())[:1])
 
 
 def _or(others: str) -> str:

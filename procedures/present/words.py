@@ -127,7 +127,9 @@ def percent(part: float) -> str:
 
 def part(share: float) -> str:
     """A share in words: "all" if nothing remains for another, "nearly all" if less than a percent does."""
-    return "all" if share > 1.0 - _ROUNDING else "nearly all" if share > _NEARLY_ALL else percent(share)
+    if share > _NEARLY_ALL:
+        return "all" if share > 1.0 - _ROUNDING else "nearly all"
+    return percent(max(share, _ROUNDING))
 
 
 def units(effect: Mapping[str, Any]) -> list[str]:

@@ -84,3 +84,9 @@ def test_a_name_with_which_left_out_data_are_predicted_worse_is_doubtful():
     sensor = traced("alaska", "log(field)", "1 + log(lab)", "--group batch")
     assert sensor["verdict"] != "explained"
     assert all(one["doubtful"] for one in sensor["effects"] if one["stratum"] != "noise")
+
+
+def test_the_screen_says_when_a_step_was():
+    """Flow of the Nile fell in 1898 (Cobb, 1978)."""
+    done = rig("trace", TABLES / "nile.csv", "--response", "value", "--formula", "1", "--time", "time")
+    assert "p = 0.0025, as (time > 1898.5)" in " ".join(done.stdout.split())

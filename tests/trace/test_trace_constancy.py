@@ -124,7 +124,7 @@ def test_a_drift_that_begins_late_is_no_step():
 def test_several_periods_of_one_cause_are_doubtful():
     """A rotor that locks in near one flow takes three waves that are no harmonics; the teeth of a screw are."""
     found = doubts(table("shedding_lock_in", "--response f_Hz --formula 1_+_q_Lmin --time t_min --replicate run"))
-    assert "values of a constant" in (found["periodic:q_Lmin"][0] or "")
+    assert "values of its constant" in (found["periodic:q_Lmin"][0] or "")
 
 
 PLAN = D1(180, 13, 13, replications=4)

@@ -109,32 +109,19 @@ def test_a_response_that_fits_exactly_without_them_is_no_division_by_zero():
     assert wider > 1e9
 
 
+OVER = "true standard errors over those of least squares of independent rows: "
+
+
 @pytest.mark.parametrize(
     ("factors", "words"),
     [
         (None, ""),
         ([], ""),
         ([1.0499, 0.9501, 1.0], "least squares of independent rows of one scatter states standard errors right to 5 %"),
-        (
-            [2.0, 1.0, 0.6],
-            "standard errors truly are what least squares of independent rows states, times: the intercept 2 times, "
-            "x2 0.6 times",
-        ),
-        (
-            [2.0, 1.0, 0.9, 1.2, 1.0],
-            "standard errors truly are what least squares of independent rows states, times: the intercept 2 times, "
-            "x2 0.9 times, x3 1.2 times",
-        ),
-        (
-            [2.0, 1.0, 0.9, 1.2, 3.0],
-            "standard errors truly are what least squares of independent rows states, times: x2 0.9 times, "
-            "x3 1.2 times, x4 3 times",
-        ),
-        (
-            [2.0, 1.51, 0.9, 1.2, 3.0],
-            "standard errors truly are what least squares of independent rows states, times: x1 1.5 times, "
-            "x2 0.9 times, x3 1.2 times",
-        ),
+        ([2.0, 1.0, 0.6], OVER + "the intercept 2, x2 0.6"),
+        ([2.0, 1.0, 0.9, 1.2, 1.0], OVER + "the intercept 2, x2 0.9, x3 1.2"),
+        ([2.0, 1.0, 0.9, 1.2, 3.0], OVER + "x2 0.9, x3 1.2, x4 3"),
+        ([2.0, 1.51, 0.9, 1.2, 3.0], OVER + "x1 1.5, x2 0.9, x3 1.2"),
     ],
 )
 def test_it_is_said_of_three_coefficients_at_most(factors, words):

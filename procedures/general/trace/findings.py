@@ -187,7 +187,7 @@ def _found_by_fit(judge: TableJudge, looked: Searched) -> FoundTableEffect | Non
     apart = f"{len(z)} of {judge.problem.n} rows {'stands' if len(z) == 1 else 'stand'} alone, by {z.max():.1f} sd"
     size = f"{which}, found by `rig fit`, too"
     if looked.dropped:
-        size += f". They are left out here: only they show {' and '.join(looked.dropped)}, which is not named"
+        size += f". Left out here, since nothing else shows {' and '.join(looked.dropped)}, which is not named"
     return _finding(
         judge,
         looked.data,

@@ -84,5 +84,5 @@ def in_words(names: Sequence[str], factor: FloatArray | None) -> str:
     if not len(far):
         return "least squares of independent rows of one scatter states standard errors right to 5 %"
     few = [i for i in far.tolist() if names[i] != "1"][:3] if len(far) > 3 else far.tolist()
-    listed = ", ".join(f"{names[i] if names[i] != '1' else 'the intercept'} {factor[i]:.2g} times" for i in few)
-    return f"standard errors truly are what least squares of independent rows states, times: {listed}"
+    listed = ", ".join(f"{names[i] if names[i] != '1' else 'the intercept'} {factor[i]:.2g}" for i in few)
+    return f"true standard errors over those of least squares of independent rows: {listed}"

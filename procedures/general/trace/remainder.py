@@ -135,4 +135,5 @@ def _most(v: FloatArray, left: FloatArray) -> str:
     rows = np.maximum(np.bincount(index), 1)
     worst = int(np.argmax(np.abs(np.bincount(index, left) / rows) * np.sqrt(rows)))
     own = v[index == worst]
-    return f", most between {own.min():.4g} and {own.max():.4g}"
+    low, high = f"{own.min():.4g}", f"{own.max():.4g}"
+    return f", most at {low}" if low == high else f", most between {low} and {high}"

@@ -234,6 +234,12 @@ def _effect(judge: TableJudge, after: Estimate, name: str, data: TableData) -> F
         given=tuple(after.given[picked].tolist()),
         dynamic=effect.dynamic,
         constants=tuple(one for j in mine for one in after.constants.get(j, ()) if one.what),
+        searched=tuple(
+            label
+            for term in (judge.candidates[j].term for j in mine)
+            for label in term.labels
+            if term.profile is not None and not term.profile.what
+        ),
         time_unit="" if data.scene.time is None else known_unit_of(data.scene.time.name),
     )
 

@@ -37,6 +37,7 @@ class FoundTableEffect(Finding):
             response, which hardly depends on them; () for noise.
         dynamic: whether what it adds depends on how long settings were held.
         constants: its searched constants that have a name.
+        searched: its terms with those that have none, such as the time of a step.
         time_unit: unit of the time of the table, which is that of a time constant; "" if unknown.
     """
 
@@ -49,6 +50,7 @@ class FoundTableEffect(Finding):
     given: tuple[float, ...] = field(default=(), kw_only=True)
     dynamic: bool = field(default=False, kw_only=True)
     constants: tuple[Constant, ...] = field(default=(), kw_only=True)
+    searched: tuple[str, ...] = field(default=(), kw_only=True)
     time_unit: str = field(default="", kw_only=True)
 
     @property
@@ -65,6 +67,7 @@ class FoundTableEffect(Finding):
             "intervals": dict(self.intervals),
             "rms": self.rms,
             "constants": [self._constant(one) for one in self.constants],
+            "searched": list(self.searched),
         }
 
     def _constant(self, one: Constant) -> dict[str, JsonValue]:
