@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -30,21 +29,14 @@ class Family:
 
     Attributes:
         smallest_p: smallest p in `DRAWS` simulated runs without missing effects, ascending.
-        between: effective number of independent tests between replications, without and with a searched constant.
     """
 
     smallest_p: FloatArray
-    between: tuple[float, float] = (1.0, 1.0)
 
     @property
     def least(self) -> float:
         """Result of `adjust` for p below all simulated ones: an upper bound."""
         return float(self.adjust(0.0))
-
-    @cached_property
-    def critical(self) -> float:
-        """The largest significant p; larger ones need no further test."""
-        return float(self.smallest_p[np.searchsorted(self.adjust(self.smallest_p), ALPHA, side="right") - 1])
 
     def adjust(self, p: FloatArray | float) -> FloatArray:
         """Probability that the best of the family looks at least as good by chance; significant below `ALPHA`."""

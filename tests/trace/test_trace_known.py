@@ -155,14 +155,6 @@ def test_one_column_is_a_basis_as_it_is_of_several():
     assert orthonormal(1e-9 * column, np.array([1.0])).shape == (20, 0), "short beside its own length"
 
 
-def test_what_a_level_removes_is_what_is_missing_in_the_remainder(attitude):
-    noise = np.random.default_rng(6).standard_normal((len(attitude.scene.data), 3))
-    for level in ("declared", "replications", "points"):
-        basis, means = attitude.levels.taken(level)
-        left = noise - basis @ (basis.T @ noise) - means.T @ (means @ noise)
-        np.testing.assert_allclose(left, attitude.levels.leave(noise, level), atol=1e-12)
-
-
 def test_tables_of_an_estimate_are_made_when_they_are_read(attitude, monkeypatch):
     made = []
     monkeypatch.setattr(

@@ -86,12 +86,6 @@ class Levels:
             return project_out(centred(columns, self.point), self._basis(level), overwrite=True)
         return project_out(columns, self._basis(level), overwrite=overwrite)
 
-    def taken(self, level: Level) -> tuple[FloatArray, Any]:
-        """Bases of the parts that a level removes: (n, r) orthonormal, and (p, n) of the points, sparse, beside it."""
-        if level != "points":
-            return self._basis(level), sparse.csr_array((0, len(self.point)))
-        return self._basis(level), sparse.diags_array(1.0 / np.sqrt(self._visits)) @ self._added
-
     @cached_property
     def _rows(self) -> list[slice | NDArray[np.bool_]]:
         """Rows of each replication; a slice, which copies nothing, where they follow one another."""
