@@ -47,9 +47,10 @@ class Expected:
         on = self.finish_latest.date()
         return [*_due(self.checked, on), *expired(self.checked, self.now.date(), on)]
 
-    def at(self, step: HandStep) -> datetime:
-        """About when a step by a person comes."""
-        return self.now + timedelta(seconds=self.forecast.when_s(step, self.checked.run_list))
+
+def time_of(planned: Expected, step: HandStep) -> datetime:
+    """About when a step by a person comes."""
+    return planned.now + timedelta(seconds=planned.forecast.when_s(step, planned.checked.run_list))
 
 
 def _due(checked: Checked, on: date) -> Iterator[str]:

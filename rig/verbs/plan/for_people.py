@@ -22,6 +22,7 @@ from rig.procedures.present.durations import duration
 from rig.register import DOCUMENT
 from rig.runs.forecast import ALLOWANCE, SOAK_ALLOWANCE
 from rig.verbs.plan.dwells import own_readings
+from rig.verbs.plan.expected import time_of
 from rig.verbs.plan.foreseen import beside, has_due_date, not_stated, stops, surroundings
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ def _by_hand(planned: Expected) -> Iterator[Block]:
     for step in steps:
         value = f" (asks for {step.value})" if step.value else ""
         where = f"before point {step.before + 1} of {points}"
-        yield Line(f"    about {_when(planned.at(step))}, {where}: {escape(step.instruction)}{value}")
+        yield Line(f"    about {_when(time_of(planned, step))}, {where}: {escape(step.instruction)}{value}")
 
 
 def _read_by_hand(planned: Expected) -> Iterator[Block]:

@@ -27,7 +27,7 @@ from rig.runs.plans import load_plan
 from rig.verbs.frames import Frame, of_rows
 from rig.verbs.plan import for_people
 from rig.verbs.plan.dwells import narrow_bands, short_dwells, unread
-from rig.verbs.plan.expected import Expected
+from rig.verbs.plan.expected import Expected, time_of
 from rig.verbs.plan.foreseen import beside, not_stated, stops, surroundings
 from rig.verbs.plan.promised import promised
 from rig.verbs.plan.unit_doubts import unit_doubts
@@ -76,7 +76,11 @@ class Plan(Expected, Result):
             },
             "rehearsed_points": forecast.rehearsed,
             "by_hand": [
-                {**step.as_json(), "before": step.before + 1, "about": self.at(step).isoformat(timespec="minutes")}
+                {
+                    **step.as_json(),
+                    "before": step.before + 1,
+                    "about": time_of(self, step).isoformat(timespec="minutes"),
+                }
                 for step in run_list.steps
             ],
             "assumed": forecast.assumed,
