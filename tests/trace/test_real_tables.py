@@ -90,3 +90,9 @@ def test_the_screen_says_when_a_step_was():
     """Flow of the Nile fell in 1898 (Cobb, 1978)."""
     done = rig("trace", TABLES / "nile.csv", "--response", "value", "--formula", "1", "--time", "time")
     assert "p = 0.0025, as (time > 1898.5)" in " ".join(done.stdout.split())
+
+
+def test_levels_of_a_group_are_no_shape_without_a_name_beside_its_offsets():
+    """Rates with and without puromycin: "over state", which is the offset, was said to explain as much as it."""
+    effects = traced("puromycin", *CASES["puromycin"][:3])["effects"]
+    assert next(one["doubtful"] for one in effects if one["effect"] == "group-offset:state") is None

@@ -237,7 +237,7 @@ def test_three_kinks_may_have_any_shape():
     columns = sensor_of(120, 1, lambda c: 8.0 * np.clip(1.0 - np.abs(c["x"] - 1.0) / 1.2, 0.0, None))
     (kinks,) = traced(columns, response="y", formula="1 + x", time="t_s").added
     assert (kinks.effect, len(kinks.coefficients)) == ("kink:x", 3)
-    assert "takes 3 values" in kinks.doubtful
+    assert "with 3 values" in kinks.doubtful
 
 
 def test_what_is_set_anew_at_each_change_of_operator_is_said():

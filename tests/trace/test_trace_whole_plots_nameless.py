@@ -114,7 +114,7 @@ def test_what_whole_plots_remember_in_a_way_of_no_catalogue_is_said(seed):
     assert len(said) == 2
 
 
-def test_whole_plots_that_wander_are_said_to_be_alike_and_add_nothing():
+def test_whole_plots_that_wander_are_said_to_be_alike_and_name_nothing():
     """As far as twenty numbers tell, a wander and a slow cause are the same: it is said, as a finding of the noise."""
     rng = np.random.default_rng(47)
     data = simulate(replace(TWO, whole_plot=0.3 * WHOLE_PLOT), seed=47)
@@ -124,7 +124,7 @@ def test_whole_plots_that_wander_are_said_to_be_alike_and_add_nothing():
     traces = trace_whole_plots(of_plots(data, wander), validate=False).sensors
     (said,) = {one.cause for trace in traces.values() for one in trace.unnamed}
     assert said.startswith("between whole plots: errors of neighbours in time are alike")
-    assert {trace.verdict for trace in traces.values()} == {"nothing to add"}
+    assert {(trace.verdict, trace.added) for trace in traces.values()} == {("unexplained", ())}
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5])

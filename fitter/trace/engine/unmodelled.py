@@ -16,7 +16,7 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.linear import orthonormal
+from rig.fitter.linear import orthonormal, spanned
 from rig.fitter.trace.doubts import BUNDLE
 from rig.fitter.trace.engine.beside import LEVELS, Errors, View, White
 from rig.fitter.trace.engine.between import TINY, alike, p_among
@@ -272,7 +272,10 @@ class InSensor(Unmodelled):
             left, taken = left - basis @ (basis.T @ left), np.column_stack([taken, basis])
 
         def weighed(place: Place, k: int) -> float:
-            return evidence(each[k].y, each[k].project(place.columns()), place.roughness)
+            own = each[k].project(place.columns())
+            if len(each) == 1 and spanned(own, taken):  # levels of a group are its offsets: that has a name
+                return -np.inf
+            return evidence(each[k].y, own, place.roughness)
 
         at = [[(place, k) for k in range(len(each))] for place in self.places if place.level == level]
         return float(named), *nameless(at, weighed)
