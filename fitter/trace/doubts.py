@@ -128,11 +128,6 @@ def beside_a_wander() -> str:
     return "errors of neighbouring rows are alike: something wanders slowly, and this may be a part of it"
 
 
-def if_independent() -> str:
-    """Sentence about an effect of a setting by which the rows are sorted, beside errors that may be alike."""
-    return "rows are sorted by a setting: if they were measured in this order, a slow wander would look like this"
-
-
 def not_predicted() -> str:
     """Sentence about effects with which data that were left out are predicted worse."""
     return "data that are left out are predicted worse with the effects found than without them"

@@ -176,7 +176,7 @@ def with_shares(
     return tuple(sorted(every, key=lambda effect: -effect.share))
 
 
-def verdict(*, found: bool, fell: bool, rest: Iterable[Finding], doubtful: bool = False) -> str:
+def verdict(*, found: bool, fell: bool, rest: Iterable[Finding], doubtful: bool = False, perhaps: bool = False) -> str:
     """One word or two for a sensor, by one rule in every kind of run.
 
     Findings about the noise are not effects: they explain nothing, and nothing is added to the model for them. A wander
@@ -187,13 +187,14 @@ def verdict(*, found: bool, fell: bool, rest: Iterable[Finding], doubtful: bool 
         fell: whether the error is smaller with them.
         rest: what is left.
         doubtful: whether any name of an effect is.
+        perhaps: whether a finding about the noise may be an effect.
 
     """
     rest = tuple(rest)
     remains = any(one.stratum != "noise" for one in rest)
     if found:
         return "explained" if fell and not remains and not doubtful else "partly explained"
-    return "unexplained" if rest else "nothing to add"
+    return "unexplained" if rest or perhaps else "nothing to add"
 
 
 @dataclass(frozen=True)

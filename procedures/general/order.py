@@ -26,7 +26,7 @@ _COUNTERS = re.compile(
 _ROW_NAMES = re.compile(r"^(row_?(names?|id|no|nr|number)|unnamed: ?0)$", re.IGNORECASE)
 """Of rows that another program numbered as it wrote the file, which says nothing of the order of measurement."""
 _MORE = "steps, oscillations, carry-over and drifting sensitivity are looked for then too"
-_MAYBE = ", and effects that do not stand out from errors that are alike along the rows, as in this order, are doubtful"
+_MAYBE = ", and effects had to stand out from errors that are alike along the rows, as they are if taken in this order"
 _SAME = 0.9999
 
 

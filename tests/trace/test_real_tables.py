@@ -32,7 +32,7 @@ CASES = {
     "wtloss": ("Weight", "1 + Days", "", {"second-order:Days"}),
     "fruitohms": ("ohms", "1 + juice", "", {"third-order:juice"}),
     "funneldrop": ("Time", "1 + Funnel + Tube", "", {"second-order:Funnel", "second-order:Tube"}),
-    "mcycle": ("accel", "1 + times + times^2", "", {"kink:times", "noise-grows"}),
+    "mcycle": ("accel", "1 + times + times^2", "", {"third-order:times", "noise-grows"}),
     "rubber": ("loss", "1 + hard + tens", "", {"clip:tens"}),
     "ethanol": ("NOx", "1 + C + E + E^2 + E^3 + E^4", "", {"product:C,E"}),
     "nile": ("value", "1", "--time time", {"step:time"}),

@@ -72,12 +72,17 @@ def only_noise(kind, how, seed):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
-    ("how", "name"), [("growing", "noise-grows"), ("outliers", "outliers"), ("correlated", "autocorrelation")]
+    ("how", "name", "word"),
+    [
+        ("growing", "noise-grows", "nothing to add"),
+        ("outliers", "outliers", "nothing to add"),
+        ("correlated", "autocorrelation", "unexplained"),  # a wander, or an effect in time
+    ],
 )
-def test_the_same_noise_has_one_name_and_one_verdict(kind, how, name):
+def test_the_same_noise_has_one_name_and_one_verdict(kind, how, name, word):
     for sensor in only_noise(kind, how, seed=1):
         assert [(e["effect"], e["stratum"]) for e in sensor["effects"]] == [(name, "noise")]
-        assert sensor["verdict"] == "nothing to add"
+        assert sensor["verdict"] == word
         key = "sigma_subplot" if kind == "whole plots" else "sigma_E"
         assert sensor["before"][key] == sensor["after"][key] > 0
 

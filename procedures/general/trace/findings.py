@@ -51,7 +51,7 @@ def noise_findings(
     """
     data = looked.data
     every = (
-        _wander(judge, chosen, data),
+        _wander(judge, chosen, data, looked.found.if_independent),
         _growing(judge, chosen, growth, data),
         _found_by_fit(judge, looked)
         if looked.dropped
@@ -62,7 +62,9 @@ def noise_findings(
     return tuple(finding for finding in every if finding is not None)
 
 
-def _wander(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> FoundTableEffect | None:
+def _wander(
+    judge: TableJudge, chosen: tuple[int, ...], data: TableData, others: tuple[str, ...]
+) -> FoundTableEffect | None:
     noise, beside = judge.problem.noise, judge.beside(chosen)
     if not isinstance(noise, Wandering | Both) or noise.correlation[beside.best] == 0:
         return None
@@ -78,7 +80,7 @@ def _wander(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Foun
     cause = f"errors of neighbouring rows of {data.response} are alike: something wanders slowly that was not recorded"
     if data.order_unknown:
         cause += ", or the response is not smooth enough over the setting the rows are sorted by"
-    alike = judge.like_memory(chosen, still)
+    alike = tuple(dict.fromkeys((*judge.like_memory(chosen, still), *others)))
     if alike:
         cause += f"; these data cannot tell it from {' or '.join(alike[:LIKE])}"
     return _finding(

@@ -15,7 +15,6 @@ from rig.fitter.trace.doubts import (
     beside_a_wander,
     beyond_chance,
     by_chance,
-    if_independent,
     not_predicted,
     several_causes,
 )
@@ -93,7 +92,6 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
             _unsettled(effect, data)
             or doubts.get(effect.effect)
             or (not_predicted() if rises else None)
-            or (if_independent() if found.if_independent else None)
             or _doubt(effect, wandering, tried)
         )
 
@@ -107,7 +105,13 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
         sensor=data.response,
         declared=data.formula,
         names=names,
-        verdict=verdict(found=bool(effects), fell=after.sigma_E < before.sigma_E, rest=rest, doubtful=bool(doubtful)),
+        verdict=verdict(
+            found=bool(effects),
+            fell=after.sigma_E < before.sigma_E,
+            rest=rest,
+            doubtful=bool(doubtful),
+            perhaps=any(one.aliases for one in noise),
+        ),
         before=sides[0],
         after=sides[1],
         rows=(sides[0].rows(), sides[1].rows()),

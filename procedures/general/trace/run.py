@@ -102,14 +102,14 @@ class Found:
         chosen: candidates in the model.
         growth: of the noise.
         not_kept: significant effects that were not kept.
-        if_independent: whether the effects are found only if errors of neighbouring rows are independent.
+        if_independent: names that would be found if errors of neighbouring rows were independent.
     """
 
     judge: TableJudge
     chosen: tuple[int, ...]
     growth: Growth | OfLevels | None
     not_kept: tuple[NotKept, ...]
-    if_independent: bool = False
+    if_independent: tuple[str, ...] = ()
 
 
 def problem_of(data: TableData) -> Problem:
@@ -144,18 +144,17 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
 
     For rows sorted by a setting, with unknown order of measurement: after a nonlinearity is significant against
     correlated errors, the remaining correlation is much more likely a part of it than a random walk. Where nothing is,
-    a walk along the rows is a curve over the setting (`_if_independent`).
+    a walk along the rows is a curve over the setting: what it may be is told as an alias of the wander.
     """
     growth: Growth | OfLevels | None = None
     _, chosen = search_and_name(judge, lead=judge.lead)
     judge, chosen = _corners_first(judge, chosen)
-    alone = None
+    other: tuple[str, ...] = ()
     if data.order_unknown and any(judge.candidates[j].effect.source == "setting" for j in chosen):
         judge = TableJudge(judge.problem.given(noise=Independent(judge.problem.n)))
         chosen = search_and_name(judge, prune(judge, chosen), judge.lead)[1]
     elif data.order_unknown and not chosen:
-        alone = _if_independent(judge, data)
-        judge, chosen = alone or (judge, chosen)
+        other = _if_independent(judge, data)
     for _ in range(ROUNDS):
         problem = refined(judge, chosen)
         judge = TableJudge(problem, judge.families) if problem is not judge.problem else judge
@@ -177,19 +176,19 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
     shared = data.shared if data.shared is None or rows is None else data.shared[rows]
     chosen = _simplest_orders(judge, chosen)
     chosen, above = never_above(judge, chosen, partial(stated, judge, shared=shared, beside=chosen), (None,))
-    return Found(judge, chosen, growth, (*not_kept, *above), alone is not None)
+    return Found(judge, chosen, growth, (*not_kept, *above), other)
 
 
-def _if_independent(judge: TableJudge, data: TableData) -> tuple[TableJudge, tuple[int, ...]] | None:
-    """Effects that are found if errors of neighbouring rows are independent, one hardly by chance; None for none.
+def _if_independent(judge: TableJudge, data: TableData) -> tuple[str, ...]:
+    """Names that are found if errors of neighbouring rows are independent, one hardly by chance.
 
     Gross errors in neighbouring rows are a level of their own, which curves follow.
     """
     judge = TableJudge(judge.problem.given(noise=Independent(judge.problem.n)))
     judge, chosen = _corners_first(judge, search_and_name(judge, lead=judge.lead)[1])
     if not chosen or min(judge.p_adjusted(chosen, j) for j in chosen) > CHANCE:
-        return None
-    return None if of_table(data.y, data.columns, data.shared).rows.size else (judge, chosen)
+        return ()
+    return () if of_table(data.y, data.columns, data.shared).rows.size else tuple(names_of(judge.candidates, chosen))
 
 
 def _corners_first(judge: TableJudge, chosen: tuple[int, ...]) -> tuple[TableJudge, tuple[int, ...]]:
