@@ -47,9 +47,9 @@ def signed_lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
 )
 def test_nobody_signs_for_somebody_else(login: tuple[str, ...], lines: str, why: str, signed_lab: Path):
     run = next((signed_lab / "runs").glob("*.sqlite"))
-    done = typed("certificate", run, "--out", "signed", *login, lines=lines, cwd=signed_lab)
+    done = typed("certificate", run, "--out", "refused", *login, lines=lines, cwd=signed_lab)
     assert (done.returncode, why in done.stderr) == (2, True), done.stderr
-    assert not (signed_lab / "signed").exists()
+    assert not (signed_lab / "refused").exists()
 
 
 def test_an_approver_signs_with_the_password_and_the_log_has_the_files(signed_lab: Path):

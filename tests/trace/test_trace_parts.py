@@ -164,7 +164,9 @@ def test_a_tenth_of_a_degree_within_whole_plots_counts():
     moved = slope * data.since_s / data.since_s.max()
     outputs = {ONE: data.outputs[ONE] + 0.3 * moved}
     warmer = replace(data, sensor_temperature_degC=data.sensor_temperature_degC + moved, outputs=outputs)
-    assert trace_whole_plots(warmer, validate=False).sensors[ONE].verdict == "nothing to add"
+    sensor = trace_whole_plots(warmer, validate=False).sensors[ONE]
+    assert sensor.added == ()
+    assert [one.stratum for one in sensor.unnamed] == ["noise"]
 
 
 def test_one_whole_plot_that_is_off_is_no_sure_name():

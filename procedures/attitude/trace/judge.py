@@ -16,6 +16,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Stratum
 from rig.fitter.trace.aliases import DELTA, Paths, Products, Rival, rivals
 from rig.fitter.trace.chance import ALPHA
+from rig.fitter.trace.engine.family import evidence
 from rig.fitter.trace.engine.strata import StrataJudge
 from rig.fitter.trace.signs import SURE, Impossible, Refused
 from rig.procedures.attitude.effects.unnamed import NAMELESS
@@ -75,6 +76,24 @@ class AttitudeJudge:
             return ()
         promising = self._engine(chosen).promising(units_of(self.problem, chosen))
         return next((self.problem.units[u] for u in promising if self._p(chosen, u) <= ALPHA), ())
+
+    def starts(self) -> list[tuple[int, ...]]:
+        """For each effect significant by itself, the best unit in every such sensor; the most evident first."""
+        engine, found = self._engine(()), dict[str, dict[str | None, tuple[int, float]]]()
+        at = engine.beside(()).best
+        scores, family = engine.everything(at, ())[0], engine.family(at)
+        for u in np.argsort(-scores.evidence, kind="stable").tolist():
+            name, sensor = self.problem.causes[u]
+            if self._open[u] and scores.rank[u] and sensor not in found.get(name, {}) and not engine.refused((), u):
+                own = float(evidence(scores.ratio[[u]], int(scores.rank[u]), int(scores.df[u]))[0])
+                if family.adjust(name, own, ALPHA) <= ALPHA:
+                    found.setdefault(name, {})[sensor] = u, float(scores.evidence[u])
+        strongest = sorted(found.values(), key=lambda of: -sum(gained for _, gained in of.values()))
+        return [tuple(j for u, _ in of.values() for j in self.problem.units[u]) for of in strongest]
+
+    def price(self, chosen: tuple[int, ...]) -> float:
+        """Twice what is missing in the log-likelihood of a model, but for a constant."""
+        return -2.0 * float(self._engine(chosen).beside(units_of(self.problem, chosen)).ml.max())
 
     def p_adjusted(self, chosen: tuple[int, ...], j: int) -> float:
         """Probability that the best of the family looks as good as `j`'s unit beside the other `chosen` by chance."""

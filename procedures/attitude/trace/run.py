@@ -29,6 +29,7 @@ from rig.procedures.attitude.trace.make_problem import make_problem
 from rig.procedures.attitude.trace.noise import alone
 from rig.procedures.attitude.trace.plausible import outsized, plausible
 from rig.procedures.attitude.trace.problem import Problem
+from rig.procedures.attitude.trace.restarts import search_with_restarts
 from rig.procedures.attitude.trace.result import Trace
 from rig.procedures.attitude.trace.simpler import simplified
 from rig.procedures.attitude.trace.unmodelled import UnmodelledSmooth
@@ -58,13 +59,14 @@ class Search:
         """`data` prepared for the search; raises as `trace` does."""
         return replace(make_problem(data, self.catalogue, temperature=self.temperature), simulated=self.simulated)
 
-    def settle(self, problem: Problem) -> tuple[AttitudeJudge, tuple[int, ...]]:
+    def settle(self, problem: Problem, *, restarts: bool = True) -> tuple[AttitudeJudge, tuple[int, ...]]:
         """Search; then test the findings against the remaining random walk, until there is no change.
 
         A walk is estimated with the effects in the model and not before: a missing effect of temperature looks like
         one, and would be tested against itself. Terms without a cause come last.
         """
-        judge, chosen = plausible(*supported(*search_and_name(AttitudeJudge(problem))))
+        begin = search_with_restarts if restarts else search_and_name
+        judge, chosen = plausible(*supported(*begin(AttitudeJudge(problem))))
         simple = simplified(judge, chosen)
         if simple != chosen:
             judge, chosen = plausible(*supported(*search_and_name(judge, prune(judge, simple))))
@@ -214,6 +216,6 @@ def _squares_aside(problem: Problem, search: Search, aside: AttitudeData, *, any
     """(2, S) sums of squared errors of data `aside`, before and after a search of the rest."""
     found: tuple[int, ...] = ()
     if anything:
-        judge, found = search.settle(problem)
+        judge, found = search.settle(problem, restarts=False)
         problem = judge.problem
     return np.stack([np.sum(residual_of(problem, estimate(problem, one), aside) ** 2, axis=1) for one in ((), found)])
