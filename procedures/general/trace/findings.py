@@ -22,7 +22,7 @@ from rig.procedures.general.trace.estimate import error_of
 from rig.procedures.general.trace.few_rows import Searched
 from rig.procedures.general.trace.intervals import in_words, moved, understated
 from rig.procedures.general.trace.result import FoundTableEffect
-from rig.procedures.general.trace.run import FITTED, SIZE_OF_FITTED, TableData
+from rig.procedures.general.trace.run import FITTED, SIZE_OF_FITTED, TableData, if_independent
 
 LIKE = 3
 """Maximum number of effects in the sentence about what errors with memory may be; the others are among its aliases."""
@@ -51,7 +51,7 @@ def noise_findings(
     """
     data = looked.data
     every = (
-        _wander(judge, chosen, data, looked.found.if_independent),
+        _wander(judge, chosen, looked),
         _growing(judge, chosen, growth, data),
         _found_by_fit(judge, looked)
         if looked.dropped
@@ -62,10 +62,8 @@ def noise_findings(
     return tuple(finding for finding in every if finding is not None)
 
 
-def _wander(
-    judge: TableJudge, chosen: tuple[int, ...], data: TableData, others: tuple[str, ...]
-) -> FoundTableEffect | None:
-    noise, beside = judge.problem.noise, judge.beside(chosen)
+def _wander(judge: TableJudge, chosen: tuple[int, ...], looked: Searched) -> FoundTableEffect | None:
+    data, noise, beside = looked.data, judge.problem.noise, judge.beside(chosen)
     if not isinstance(noise, Wandering | Both) or noise.correlation[beside.best] == 0:
         return None
     still = noise.correlation == 0
@@ -80,6 +78,7 @@ def _wander(
     cause = f"errors of neighbouring rows of {data.response} are alike: something wanders slowly that was not recorded"
     if data.order_unknown:
         cause += ", or the response is not smooth enough over the setting the rows are sorted by"
+    others = if_independent(looked.problem, data) if data.order_unknown and not chosen else ()
     alike = tuple(dict.fromkeys((*judge.like_memory(chosen, still), *others)))
     if alike:
         cause += f"; these data cannot tell it from {' or '.join(alike[:LIKE])}"

@@ -102,14 +102,12 @@ class Found:
         chosen: candidates in the model.
         growth: of the noise.
         not_kept: significant effects that were not kept.
-        if_independent: names that would be found if errors of neighbouring rows were independent.
     """
 
     judge: TableJudge
     chosen: tuple[int, ...]
     growth: Growth | OfLevels | None
     not_kept: tuple[NotKept, ...]
-    if_independent: tuple[str, ...] = ()
 
 
 def problem_of(data: TableData) -> Problem:
@@ -144,17 +142,14 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
 
     For rows sorted by a setting, with unknown order of measurement: after a nonlinearity is significant against
     correlated errors, the remaining correlation is much more likely a part of it than a random walk. Where nothing is,
-    a walk along the rows is a curve over the setting: what it may be is told as an alias of the wander.
+    what a walk along the rows may be is told as an alias of the wander (`if_independent`).
     """
     growth: Growth | OfLevels | None = None
     _, chosen = search_and_name(judge, lead=judge.lead)
     judge, chosen = _corners_first(judge, chosen)
-    other: tuple[str, ...] = ()
     if data.order_unknown and any(judge.candidates[j].effect.source == "setting" for j in chosen):
         judge = TableJudge(judge.problem.given(noise=Independent(judge.problem.n)))
         chosen = search_and_name(judge, prune(judge, chosen), judge.lead)[1]
-    elif data.order_unknown and not chosen:
-        other = _if_independent(judge, data)
     for _ in range(ROUNDS):
         problem = refined(judge, chosen)
         judge = TableJudge(problem, judge.families) if problem is not judge.problem else judge
@@ -176,15 +171,15 @@ def look(judge: TableJudge, data: TableData, rows: IntArray | None = None) -> Fo
     shared = data.shared if data.shared is None or rows is None else data.shared[rows]
     chosen = _simplest_orders(judge, chosen)
     chosen, above = never_above(judge, chosen, partial(stated, judge, shared=shared, beside=chosen), (None,))
-    return Found(judge, chosen, growth, (*not_kept, *above), other)
+    return Found(judge, chosen, growth, (*not_kept, *above))
 
 
-def _if_independent(judge: TableJudge, data: TableData) -> tuple[str, ...]:
+def if_independent(problem: Problem, data: TableData) -> tuple[str, ...]:
     """Names that are found if errors of neighbouring rows are independent, one hardly by chance.
 
     Gross errors in neighbouring rows are a level of their own, which curves follow.
     """
-    judge = TableJudge(judge.problem.given(noise=Independent(judge.problem.n)))
+    judge = TableJudge(problem.given(noise=Independent(problem.n)))
     judge, chosen = _corners_first(judge, search_and_name(judge, lead=judge.lead)[1])
     if not chosen or min(judge.p_adjusted(chosen, j) for j in chosen) > CHANCE:
         return ()
