@@ -8,13 +8,15 @@ import os
 import sys
 import tempfile
 import traceback
+from functools import cache
 
 # Before any import of numpy: our matrices are narrow, and a second thread doubles the time (measured).
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.main import get_command
 
 from rig.cli.commands import app
 from rig.errors import ExitCode, NotSafe, RigError
@@ -51,7 +53,7 @@ def main() -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")  # a path that is not text is printed unchanged
     try:
-        code = app(standalone_mode=False)
+        code = _command()(standalone_mode=False)
         sys.stdout.flush()
     except (RigError, DataError, BrokenKind) as error:
         from rig.procedures.present.visible import visible  # noqa: PLC0415
@@ -79,6 +81,12 @@ def main() -> None:
         print(f"rig: {_unforeseen(error)}", file=sys.stderr)
         code = ExitCode.FAULT
     sys.exit(int(code) if isinstance(code, int) else 0)
+
+
+@cache
+def _command() -> Any:
+    """All commands. Made once: each further time would read again the options of those that were called before."""
+    return get_command(app)
 
 
 class _ClosedOutput(io.TextIOBase):

@@ -307,7 +307,7 @@ def test_ctrl_c_where_nothing_runs_says_so_and_ends_with_its_code(monkeypatch):
     def interrupted(**_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rig.cli.app", interrupted)
+    monkeypatch.setattr("rig.cli._command", lambda: interrupted)
     done = rig("status")
     assert (done.returncode, done.stderr) == (75, "rig: interrupted\n")
 
