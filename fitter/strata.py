@@ -188,7 +188,8 @@ def by_side(
     nothing = (None, _NOTHING, left, basis)
     if not ((side > 0).any() and (side < 0).any()):
         return nothing
-    halves = columns * (side[:, None] / 2.0)
+    half = side / 2.0
+    halves = columns * half[:, None]
     own = orthonormal(project_out(halves, basis), np.linalg.norm(columns, axis=0))
     rest = project_out(left, own)
     below, df = float(rest @ rest), len(left) - basis.shape[1] - own.shape[1]

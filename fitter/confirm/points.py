@@ -86,7 +86,8 @@ class Rival:
 
     def left(self, weights: FloatArray, units: IntArray) -> FloatArray:
         """(T, u, m) what the rival with coefficients (T, p) leaves of true predictions in some units."""
-        return np.asarray(self.true_later[:, units] - (self.later[units] @ weights.T).transpose(2, 0, 1))
+        predicted = self.later[units] @ weights.T
+        return np.asarray(self.true_later[:, units] - predicted.transpose(2, 0, 1))
 
     def changes(self, chosen: NDArray[np.bool_], units: IntArray) -> tuple[FloatArray, FloatArray]:
         """(T, u) change of the squared distances by adding one of these units, or removing it if chosen; (T,) these."""

@@ -208,7 +208,8 @@ class Together(ABC):
         for i, every in enumerate(self.own):
             means = np.array([self.declared[i][own.rows].mean(0) for own in every if self.last[own.rows[0]]])
             largest = np.max(np.abs(means), axis=0, initial=0.0) if means.size else np.zeros(0)
-            means = means[:, largest > 0] / largest[largest > 0] if means.size else means
+            varies = largest > 0
+            means = means[:, varies] / largest[varies] if means.size else means
             if 0 < len(means) <= np.linalg.matrix_rank(means, tol=BETWEEN):
                 return len(means)
         return 0

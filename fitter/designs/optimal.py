@@ -238,7 +238,8 @@ def _hard_terms(region: Region, hard: tuple[int, ...]) -> int:
     size = np.bincount(group)
     means = np.stack([np.bincount(group, column) / size for column in rows.T], axis=1)
     within = np.linalg.svd(rows - means[group], compute_uv=False)
-    return len(region.names) - int(np.sum(within > 1e-8 * np.sqrt(len(rows))))
+    least = 1e-8 * np.sqrt(len(rows))
+    return len(region.names) - int(np.count_nonzero(within > least))
 
 
 def _design(

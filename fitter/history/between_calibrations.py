@@ -83,9 +83,10 @@ class Profile:
         """
         psi = np.zeros_like(target)
         for _ in range(100):
-            shares = self.squares / (factor[:, None] + psi[:, None] * self.roots)
+            variance = factor[:, None] + psi[:, None] * self.roots
+            shares = self.squares / variance
             q = shares.sum(axis=1)
-            fall = np.sum(shares * self.roots / (factor[:, None] + psi[:, None] * self.roots), axis=1)
+            fall = np.sum(shares * self.roots / variance, axis=1)
             excess = q > target
             ahead = np.divide(q * (q / target - 1.0), fall, out=np.zeros_like(q), where=excess & (fall > 0.0))
             psi += ahead

@@ -48,7 +48,7 @@ def step(series: Series) -> Step | None:
     weights = weights / weights.sum()
     gain, total = _gains(series.values[None, :], weights)
     at = int(np.argmax(gain[0]))
-    share = float(gain[0, at] / total[0]) if total[0] > 0 else 0.0
+    share = float(gain[0, at]) / float(total[0]) if total[0] > 0 else 0.0
     chance = _null(tuple(np.round(weights, 12).tolist()))
     head, tail = weights[: at + 1], weights[at + 1 :]
     after, before = (

@@ -86,8 +86,8 @@ def left_in(
         mine = [frozenset(own) for key, own in groups.items() if key[1] in (None, sensor)]
         while mine and stated(inside)[i] > before[i] * (1.0 + SAME):
             trials = [[*inside[:i], inside[i] | own, *inside[i + 1 :]] for own in mine]
-            best = min(range(len(mine)), key=lambda k: float(stated(trials[k])[i]))
-            inside[i] |= mine.pop(best)
+            errors = [float(stated(trial)[i]) for trial in trials]
+            inside[i] |= mine.pop(errors.index(min(errors)))
     return tuple(inside)
 
 
@@ -128,7 +128,9 @@ def never_above(
         mine = mine or groups_of(judge, chosen)
         rests = {key: tuple(j for j in chosen if j not in own) for key, own in mine.items()}
         fits = {key: stated(rest) for key, rest in rests.items()}
-        worst = min(fits, key=lambda key: float(np.sum(fits[key][0] / np.maximum(before[0], TINY))))
+        least = np.maximum(before[0], TINY)
+        errors = {key: float(np.sum(fit[0] / least)) for key, fit in fits.items()}
+        worst = min(errors, key=errors.__getitem__)
         p = max(judge.p_adjusted(chosen, j) for j in mine[worst])
         share = 1.0 - float(np.sum(now[1])) / max(float(np.sum(fits[worst][1])), TINY)
         left.append(NotKept(*worst, "rises", p, share=min(max(share, 0.0), 1.0)))

@@ -235,7 +235,7 @@ def short_path(points: FloatArray) -> FloatArray:
     paths = []
     for slow, fast in ((0, 1), (1, 0)):
         path, way = [], 1
-        for level in np.unique(points[:, slow]):
+        for level in np.unique(points[:, slow]).tolist():
             own = points[points[:, slow] == level]
             path.append(own[np.argsort(own[:, fast])][::way])
             way = -way

@@ -232,7 +232,7 @@ def _index(angles_deg: FloatArray, wanted_deg: float) -> int | None:
     """Index of the angle; +180 and -180 deg are one, and the named one is preferred."""
     away = np.abs(np.mod(angles_deg - wanted_deg + 180.0, 360.0) - 180.0)
     alike = np.flatnonzero(away <= SAME_ANGLE_DEG)
-    return int(min(alike, key=lambda i: abs(angles_deg[i] - wanted_deg))) if alike.size else None
+    return int(alike[np.argmin(np.abs(angles_deg[alike] - wanted_deg))]) if alike.size else None
 
 
 def _judged(

@@ -263,7 +263,8 @@ def _witnesses(name: str) -> float:
     model = np.linalg.qr(np.column_stack([np.ones_like(a), np.sin(a), np.cos(a) * np.sin(r), np.cos(a) * np.cos(r)]))[0]
     for sensor in CLEAN.sensors:
         shape = with_it[f"{sensor.axis}_V"] - without[f"{sensor.axis}_V"]
-        squares.append(float(np.sum((shape - model @ (model.T @ shape)) ** 2)) / sensor.S**2)
+        rest = shape - model @ (model.T @ shape)
+        squares.append(float(np.sum(rest**2)) / sensor.S**2)
     return sum(squares) / max(squares)
 
 

@@ -107,7 +107,8 @@ def _leaning(seed: int, calibrations: int) -> Result:
     sigma_V, rng = 2.5e-5, np.random.default_rng(30_000 + seed)
     data, _ = without_noise(BENCH, GRID)
     h = attitude_columns(data.pitch_deg, data.roll_deg)
-    sd_deg = np.degrees(sigma_V / 5.0 * np.sqrt(np.linalg.inv(h.T @ h)[2, 2]))  # across m; both ways alike here
+    variance = np.linalg.inv(h.T @ h)[2, 2]  # across m; both ways alike here
+    sd_deg = np.degrees(sigma_V / 5.0 * np.sqrt(variance))
     cells: Result = {}
     for lean in LEANS:
         for A in AZIMUTHS_DEG:

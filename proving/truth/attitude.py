@@ -239,24 +239,25 @@ class Bench:
             i = "xyz".index(s.axis)
             if s.creep:
                 u = u + s.creep * (s.gravity_along(back) - u)
-            gain = s.S * (1 + s.S_per_degC * dt + s.S_per_h * (hours - 14.0)) + s.S_step * (block > 0)
-            gain = (gain + s.S_since * late) * (1 + g @ np.array(self.scale_per_g))
+            gain = s.S * (1 + s.S_per_degC * dt + s.S_per_h * (hours - 14.0))
+            gain = (gain + s.S_step * (block > 0) + s.S_since * late) * (1 + g @ np.array(self.scale_per_g))
             straight = s.bent(u)
-            v = (
-                s.b
-                + s.b_per_degC * dt
-                + s.b_per_lagged_degC * (self.lagged(hours) - 23.0)
-                + s.b_per_degC_per_h * self.degC_daily * np.pi / 12 * np.cos(np.pi / 12 * hours + self.degC_phase)
-                + s.b_daily * np.sin(np.pi / 12 * hours + 2.5)
-                + s.b_per_h * (hours - 14.0)
-                + s.b_step * (block > 0)
-                + s.b_unrecorded * (hours >= self.unrecorded_h)
-                + s.b_pitch_side * pitch_side / 2
-                + s.b_roll_side * roll_side / 2
-                + field @ np.array(s.magnetic_V)
-                + gain
-                * (straight + s.quadratic * u**2 + s.cubic * u**3 + s.cross * g[:, (i + 1) % 3] * g[:, (i + 2) % 3])
-            )
+            straight = straight + s.quadratic * u**2 + s.cubic * u**3
+            v = np.full_like(dt, s.b)
+            for part in (
+                s.b_per_degC * dt,
+                s.b_per_lagged_degC * (self.lagged(hours) - 23.0),
+                s.b_per_degC_per_h * self.degC_daily * np.pi / 12 * np.cos(np.pi / 12 * hours + self.degC_phase),
+                s.b_daily * np.sin(np.pi / 12 * hours + 2.5),
+                s.b_per_h * (hours - 14.0),
+                s.b_step * (block > 0),
+                s.b_unrecorded * (hours >= self.unrecorded_h),
+                s.b_pitch_side * pitch_side / 2,
+                s.b_roll_side * roll_side / 2,
+                field @ np.array(s.magnetic_V),
+                gain * (straight + s.cross * g[:, (i + 1) % 3] * g[:, (i + 2) % 3]),
+            ):
+                v += part
             out[f"{s.axis}_V"] = self._read(v, hours)
         return out
 

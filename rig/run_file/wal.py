@@ -62,7 +62,8 @@ def _checksum(data: bytes, order: Order, s0: int, s1: int) -> tuple[int, int]:
     multiplied by the power of its number of later pairs.
     """
     words = np.frombuffer(data, np.dtype(np.uint32).newbyteorder(order)).astype(np.uint32)
-    x, both = words[::2], words[::2] + words[1::2]
+    x = words[::2]
+    both = x + words[1::2]
     (a, b, c), (an, bn, cn) = _powers(len(x))
     s0, s1 = (
         (an * s0 + bn * s1 + int(np.sum(a * x + b * both, dtype=np.uint32))),

@@ -164,7 +164,8 @@ class Components:
     @property
     def prices(self) -> FloatArray:
         """(G,) of slopes and of memory, as they are in `log_det`."""
-        return np.asarray(2.0 * PRICE * np.sum(self.grid[:, 1:] > 0.0, axis=1))
+        some = np.count_nonzero(self.grid[:, 1:] > 0.0, axis=1)
+        return np.asarray(2.0 * PRICE * some)
 
     @cached_property
     def log_det(self) -> FloatArray:
@@ -218,7 +219,9 @@ class Components:
     def _stretched(self, at: int, m: int, columns: FloatArray, *, transposed: bool) -> FloatArray:
         basis, triangle = self._bases[m][0], self._triangle(at)
         along = basis.T @ columns
-        return np.asarray(columns + basis @ ((triangle.T if transposed else triangle) @ along - along))
+        turned = (triangle.T if transposed else triangle) @ along
+        out: FloatArray = columns + basis @ (turned - along)
+        return out
 
     def variances(self, at: int) -> FloatArray:
         """See `Noise`."""

@@ -356,7 +356,8 @@ def _ratios(drawn: Drawn, simulated: Simulated, rank: IntArray, df: int) -> Sing
     fell = ratio > 1.0
     ratio = np.log(np.maximum(ratio, _TINY), out=ratio - 1.0, where=~fell)
     ranks = np.maximum(rank, 1)[:, None].astype(np.float32)
-    return np.asarray(ratio * (np.maximum(df - ranks, 1.0) / ranks), np.float32)
+    free = np.maximum(df - ranks, 1.0) / ranks
+    return np.asarray(ratio * free, np.float32)
 
 
 def _scatter(found: Blocks, noise: Single, df: int) -> Single:

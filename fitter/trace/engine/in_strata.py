@@ -330,7 +330,7 @@ class InStrata(Problem):
         """Candidates of q columns (U,), and these columns (U, q), for every q."""
         width = np.diff(self.start)
         same = [np.flatnonzero(width == q) for q in np.unique(width).tolist()]
-        return tuple((of, self.start[of][:, None] + np.arange(int(width[of[0]]))) for of in same)
+        return tuple((of, np.add.outer(self.start[of], np.arange(int(width[of[0]])))) for of in same)
 
     @cached_property
     def blocks(self) -> list[FloatArray]:

@@ -76,7 +76,8 @@ def possible(problem: Problem, view: View, y: FloatArray, chosen: Sequence[int],
         scores: of all candidates beside these.
     """
     taken = view.taken(chosen)
-    along = ((y - taken @ (taken.T @ y)) @ view.columns)[problem.start[:-1]]
+    rest = y - taken @ (taken.T @ y)
+    along = (rest @ view.columns)[problem.start[:-1]]
     t = np.sqrt(np.maximum(scores.ratio, 0.0))
     gain, _ = view.gains(chosen, y)
     size = np.divide(gain, np.abs(along), out=np.zeros_like(gain), where=along != 0.0)

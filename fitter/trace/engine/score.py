@@ -192,7 +192,7 @@ class View:
 
     def picked(self, chosen: Sequence[int] | IntArray) -> IntArray:
         """Columns of some candidates."""
-        ranges = [np.arange(self.start[j], self.start[j + 1]) for j in chosen]
+        ranges = [np.arange(int(self.start[j]), int(self.start[j + 1])) for j in chosen]
         return np.concatenate(ranges) if ranges else np.empty(0, np.int64)
 
     def blocks(self, chosen: Sequence[int], of: Sequence[int]) -> Blocks:

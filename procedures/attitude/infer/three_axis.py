@@ -68,7 +68,8 @@ class ThreeAxis:
 
     @cached_property
     def _sums(self) -> FloatArray:
-        return np.asarray(self.variance ** np.arange(3)[:, None])
+        powers = np.arange(3)[:, None]
+        return np.asarray(self.variance**powers)
 
     @staticmethod
     def of(offsets_V: FloatArray, matrix: FloatArray, sigma_V: FloatArray) -> ThreeAxis:

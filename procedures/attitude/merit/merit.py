@@ -74,7 +74,8 @@ def worst_variance(design: DesignPoints, usage: Usage) -> tuple[float, float, fl
         if values[at] > found[0] * (1.0 + 1e-9):
             found = (float(values[at]), float(pitch[at]), float(roll[at]))
         step = np.array([w / (c - 1) if c > 1 else 0.0 for w, c in zip(high - low, count, strict=True)])
-        low, high = np.maximum(lowest, found[1:] - step), np.minimum(highest, found[1:] + step)
+        centre = np.array(found[1:])
+        low, high = np.maximum(lowest, centre - step), np.minimum(highest, centre + step)
     return found
 
 

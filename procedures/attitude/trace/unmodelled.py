@@ -329,7 +329,7 @@ class UnmodelledSmooth(Unmodelled):
         for axis in axes:
             own = turns(axis.values, WAVES)
             also = rough_turns(own)
-            columns = np.column_stack([columns, *(columns * own[:, [k]] for k in range(own.shape[1]))])
+            columns = np.column_stack([columns, *(columns * one[:, None] for one in own.T)])
             rough = np.append(rough, np.add.outer(also, rough))
         text = "over pitch and roll" if scene.roll else "over the pitch angle"
         block = Block(text, columns[:, 1:], (columns.shape[1] - 1,), rough[1:])

@@ -214,7 +214,8 @@ def _of_practice(scene: TableScene, name: str, g: Grouping) -> Iterator[Place]:
     """Each level's offset, and one level that changes the more often it had its turn."""
     smooth = waves(practice(g.index), PRACTICE)
     for level, rows in zip(g.levels, g.indicators.T, strict=True):
-        both = np.column_stack([g.indicators[:, 1:], rows[:, None] * smooth])
+        own = rows[:, None] * smooth
+        both = np.column_stack([g.indicators[:, 1:], own])
         text = f"over {name}, and over how often {level} had its turn before"
         yield _as_one(scene, text, both, name, timed=True, alternatives=len(g.levels))
 
