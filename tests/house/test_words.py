@@ -10,37 +10,23 @@ import pytest
 ROOT = Path(__file__).parents[2]
 CODE = ("rig", "drivers", "sims", "fitter", "procedures")
 
+# One expression of lower-case letters, which begins with none but these: a search for each phrase took 3 s.
 EVERYWHERE = (
-    r"how manieth",
-    r"\bhold all the same\b",
-    r"\bmust have come at least\b",
-    r"\blies? to hand\b",
-    r"\bthat which\b",
-    r"\bwithout a word\b",
-    r"\bcarr(y|ies) on\b",
-    r"\bno ordinary file\b",
-    r"\bspeaks (for|against)\b",
-    r"\bone a (line|row|sensor|point|stratum)\b",
-    r"\bstands (there )?twice in\b",
-    r"\bsee(s|n)? to (it|the network)\b",
+    r"how manieth|hold all the same\b|must have come at least\b|lies? to hand\b|that which\b|without a word\b|"
+    r"carr(?:y|ies) on\b|no ordinary file\b|speaks (?:for|against)\b|one a (?:line|row|sensor|point|stratum)\b|"
+    r"stands (?:there )?twice in\b|see[sn]? to (?:it|the network)\b"
 )
 """In code, in documents, and in help texts."""
 IN_DOCSTRINGS = (
-    r"^What (a|an|the|is|was|were|of|to do|every|each|all)\b",
-    r"^Of (a|an|the|all|each|every|its|new|one|those)\b",
-    r"^By which\b",
-    r"\bwhat is left (of|beside|in|after)\b",
-    r"\bin the place of\b",
-    r"\bwhoever\b",
-    r"\bto be had\b",
-    r"\bso many (seconds|points|real|draws)\b",
+    r"^(?:what (?:a|an|the|is|was|were|of|to do|every|each|all)|by which)\b|"
+    r"^of (?:a|an|the|all|each|every|its|new|one|those)\b|what is left (?:of|beside|in|after)\b|"
+    r"in the place of\b|whoever\b|to be had\b|so many (?:seconds|points|real|draws)\b"
 )
 """In docstrings: objects before the subject, and clauses in place of a noun."""
 
 
-def offences(text: str, phrases: tuple[str, ...]) -> list[str]:
-    flat = re.sub(r"\s+", " ", text)
-    return [found.group() for phrase in phrases for found in re.finditer(phrase, flat, re.IGNORECASE)]
+def offences(text: str, phrases: str) -> list[str]:
+    return re.findall(phrases, re.sub(r"\s+", " ", text).lower())
 
 
 def code_files() -> list[Path]:
@@ -88,5 +74,5 @@ def test_a_phrase_is_found_across_lines(text, words):
 
 
 def test_a_docstring_that_begins_with_its_object_is_found():
-    assert offences("What the run has come to.", IN_DOCSTRINGS) == ["What the"]
+    assert offences("What the run has come to.", IN_DOCSTRINGS) == ["what the"]
     assert offences("State of the run.", IN_DOCSTRINGS) == []
