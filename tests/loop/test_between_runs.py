@@ -263,13 +263,12 @@ def test_an_error_says_that_it_was_made_safe_or_that_it_was_not(lab: Lab, monkey
 
 def test_on_a_bench_in_real_time_a_thread_watches(lab: Lab, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(between_runs, "VIRTUAL", "none")
+    monkeypatch.setattr(between_runs, "_LOOK_S", 1e-3)
     seen = threading.Event()
     look = between_runs.Watch.look
     monkeypatch.setattr(between_runs.Watch, "look", lambda self: (look(self), seen.set()))
     with lab.between:
         lab.run(0.0)
-        clock = lab.benches[-1].clock
-        monkeypatch.setattr(type(clock), "timeout", lambda *_: 1e-3)
         assert seen.wait(20.0)
         assert lab.between.stands_at == 26.0
         lab.signals.interrupt = "SIGINT"
