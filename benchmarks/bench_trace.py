@@ -9,9 +9,13 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import csv
 import resource
+import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import process_time
 
 
@@ -31,19 +35,40 @@ def attitude():
 
 
 def tables():
-    """1,000 rows of six columns."""
+    """`rig trace` of large tables as a process of its own: seconds of processor time, start and reading included."""
     from proving.truth.table import MISSING, Lab, options, simulate
-    from rig.procedures.general.column_roles import Roles, roles_of
-    from rig.procedures.general.trace import trace_general
-    from rig.procedures.tables.table import Table
 
-    lab = Lab(1000, 4, clock=True)
-    for name, effect in (("nothing missing", None), ("temperature", MISSING["temperature"].at(1.0))):
-        columns = simulate(lab, 1, effect)
-        begin = process_time()
-        data, _ = roles_of(Table("simulated", columns, True, {}), Roles(**options(lab)))
-        verdict = trace_general(data).verdict
-        print(f"{name}: {verdict}, {process_time() - begin:.1f} s", flush=True)
+    thousands = Lab(4800, 4, clock=True)
+    laboratories = {
+        "4,800 nothing": (thousands, ""),
+        "4,800 drift": (thousands, "drift"),
+        "4,800 lag": (thousands, "lag"),
+        "4,800 wave, no times": (replace(thousands, clock=False), "wave"),
+        "4,800 kink": (thousands, "kink"),
+        "4,800 drift beside a walk": (replace(thousands, walk=3.0), "drift"),
+        "4,800 drift, walk, growing scatter, outliers": (
+            replace(thousands, walk=3.0, growing=4.0, outliers=0.02),
+            "drift",
+        ),
+        "2,400 six groups, two directions, drift": (Lab(2400, 3, groups=6, clock=True, sides=True), "drift"),
+        "2,400 oscillation beside a walk": (Lab(2400, 3, clock=True, walk=2.0), "oscillation"),
+        "1,300 drift, growing scatter, outliers": (Lab(1300, 5, clock=True, growing=5.0, outliers=0.05), "drift"),
+        "1,300 forty whole plots, drift": (Lab(1300, 4, clock=True, plots=40), "drift"),
+        "1,300 lag beside a walk, outliers": (Lab(1300, 4, clock=True, walk=2.0, outliers=0.03), "lag"),
+    }
+    with TemporaryDirectory() as folder:
+        for number, (name, (lab, effect)) in enumerate(laboratories.items()):
+            columns = simulate(lab, 7, MISSING[effect].at(1.0) if effect else None)
+            table = Path(folder) / f"{number}.csv"
+            with table.open("w", newline="") as file:
+                csv.writer(file).writerows([list(columns), *zip(*(columns[c] for c in columns), strict=True)])
+            said = [w for k, v in options(lab).items() for one in (v if isinstance(v, tuple) else (v,))
+                    for w in (f"--{k.replace('_', '-')}", one)]  # fmt: skip
+            begin = os.times()
+            subprocess.run(["rig", "trace", table, "--json", *said], check=True, stdout=subprocess.DEVNULL)
+            end = os.times()
+            seconds = end.children_user + end.children_system - begin.children_user - begin.children_system
+            print(f"{name:46s} {seconds:5.1f} s", flush=True)
 
 
 def seven_transducers():

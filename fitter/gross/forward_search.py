@@ -266,6 +266,10 @@ def _outside(rows: Rows, left: FloatArray, limits: _Limits) -> IntArray:
     """The `most` farthest rows, within the limit of each group, after those that are outside anyway."""
     size = np.where(limits.first, np.inf, np.abs(left))
     size[rows.kept <= LONE] = -1.0
+    if not rows.groups:  # no order of all rows: it takes most of the time of many
+        least = max(float(np.partition(size, -limits.most)[-limits.most]), 0.0)
+        ahead = np.flatnonzero(size >= least)
+        return np.array(ahead[np.argsort(-size[ahead], kind="stable")][: limits.most])
     ahead = np.argsort(-size, kind="stable")
     ahead = ahead[size[ahead] >= 0]
     group = rows.group[ahead]

@@ -53,6 +53,8 @@ CERTAIN = 40.0
 """Score that no draw comes near: its p is the least that a simulation can tell. (A normal one has p = 4e-18, of
 thousands of candidates; the tails simulated for sixty tables ended at 27.)
 """
+NO_MORE = 1e-3
+"""Share of p that effects that wait may add at most, if they are not simulated."""
 HELD = 300_000_000
 """Bytes of the sets of draws that are held at once. Two are held whatever their size: an effect is judged against noise
 of short memory and against slow walks.
@@ -131,8 +133,12 @@ class TableFamily:
             return 1.0
         alone = float(self.tails[effect].p(np.array(score)))
         while (p := self._rank(alone)) <= most and self.waiting:
-            if self.sooner and (bound := self._bound(alone)) <= most < np.inf:
-                return bound
+            if self.sooner:
+                bound = self._bound(alone)
+                if bound <= most < np.inf:
+                    return bound
+                if bound - p <= NO_MORE * p:
+                    return p
             self._simulate(self.waiting[0])
         return p
 

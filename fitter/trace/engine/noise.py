@@ -262,6 +262,14 @@ class Wandering(ByRows):
         return decay * (1.0 - gain * self._share), gain, decay * self._share, sd
 
     @cached_property
+    def _bands(self) -> FloatArray:
+        """(G, n, 2) for each covariance the matrix that `_recursion` solves; the first row begins anew."""
+        band = np.ones((*self._steps[0].shape, 2))
+        np.negative(self._steps[0][:, 1:], out=band[:, :-1, 1])
+        band[:, -1, 1] = 0.0
+        return band
+
+    @cached_property
     def log_det(self) -> FloatArray:
         """See `Noise`."""
         return np.asarray(2.0 * np.sum(np.log(self._filter[2]), axis=0))
@@ -289,12 +297,10 @@ class Wandering(ByRows):
         if white.shape[1] == 1 and self._grid[0][first] == 0.0:
             white[:, 0] = columns
             return
-        kept, gain, own, sd = (part[first : first + white.shape[1]] for part in self._steps)
-        if len(kept) > 1:
-            kept = kept.copy()
-            kept[:, 0] = 0.0
-        given = (gain * columns[:, None]).reshape(len(columns), kept.size)
-        state = _recursion(kept.ravel(), given.T).T.reshape(white.shape)
+        some = slice(first, first + white.shape[1])
+        _, gain, own, sd = (part[some] for part in self._steps)
+        given = (gain * columns[:, None]).reshape(len(columns), gain.size)
+        state = _solved(self._bands[some].reshape(gain.size, 2), given.T).T.reshape(white.shape)
         white[:, :, 0] = columns[:, None, 0]
         np.multiply(own[:, 1:], state[:, :, :-1], out=white[:, :, 1:])
         np.subtract(columns[:, None, 1:], white[:, :, 1:], out=white[:, :, 1:])
@@ -386,9 +392,14 @@ def _recursion(factor: FloatArray, given: FloatArray) -> FloatArray:
         for t in range(1, len(given)):
             given[t] += factor[t] * given[t - 1]
         return given
+    band = np.ones((len(factor), 2))
+    np.negative(factor[1:], out=band[:-1, 1])
+    return _solved(band, given)
+
+
+def _solved(band: FloatArray, given: FloatArray) -> FloatArray:
+    """(n, m) the recursion by LAPACK, column by column; the band (n, 2) is transposed, or its wrapper would copy it."""
     if not given.shape[1]:  # LAPACK's wrapper writes beyond an array without columns
         return given
-    band = np.ones((len(factor), 2))  # transposed as LAPACK reads it: its wrapper would copy the other order
-    np.negative(factor[1:], out=band[:-1, 1])
     solved, _ = dtbtrs(band.T, given, uplo="L", trans="N", diag="U", overwrite_b=True)
     return np.asarray(solved)

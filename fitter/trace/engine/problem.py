@@ -151,9 +151,7 @@ class Problem:
     @cached_property
     def price(self) -> FloatArray:
         """(J,) `TableTerm.price` of each candidate."""
-        alone = np.concatenate([[0], np.cumsum(np.count_nonzero(self.columns, axis=0) == 1)])
-        each = zip(self.candidates, np.diff(alone[self.start]).tolist(), strict=True)
-        return np.array([c.term.priced(of_one_row) for c, of_one_row in each], np.float64)
+        return np.array([c.term.price for c in self.candidates], np.float64)
 
     def of(self, terms: Sequence[int]) -> FloatArray:
         """(n, d) columns of some candidates."""

@@ -94,11 +94,8 @@ class TableTerm:
         and not all: as random effects levels cost no more (Pauler, Biometrika 85 (1998) 13). So a column of one row,
         beside others, costs nothing.
         """
-        return self.priced(int(np.sum(np.count_nonzero(self.columns, axis=0) == 1)))
-
-    def priced(self, of_one_row: int) -> int:
-        """`price` of a term of which so many columns are of one row."""
         n, width = (int(size) for size in self.columns.shape)
+        of_one_row = int(np.sum(np.count_nonzero(self.columns, axis=0) == 1))
         if self.of_levels and width > 0 and n > 1:
             own = max(n / (width + 1), 2.0)
             return max(ceil(width * log(own) / log(n)), 1)
