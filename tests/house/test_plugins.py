@@ -75,7 +75,7 @@ def test_a_kind_that_cannot_be_used_is_named_with_its_package(install_kinds, cap
     with pytest.raises(BrokenKind, match=says) as caught:
         kinds()["pitch-roll"]
     assert str(caught.value).endswith("(package theirs 1.0)")
-    monkeypatch.setattr("rig.cli.app", lambda **_: kinds()["pitch-roll"])
+    monkeypatch.setattr("rig.cli._command", lambda: lambda **_: kinds()["pitch-roll"])
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 78
