@@ -235,8 +235,8 @@ def test_a_new_file_with_messages_is_whole_beside_its_dbc(role, more):
 
 def test_a_scan_asks_who_is_there_and_nothing_else(stranger, monkeypatch):
     address, heard = stranger
-    quick = BATH.replace("[wire]", "[wire]\ntimeout_s = 0.05")
-    other = quick.replace('ask = "version"', 'ask = "*ver"')
+    quick = BATH.replace("[wire]", "[wire]\ntimeout_s = 2")
+    other = BATH.replace("[wire]", "[wire]\ntimeout_s = 0.05").replace('ask = "version"', 'ask = "*ver"')
     monkeypatch.setattr("rig.verbs.instrument.scan.SCPI", SCPI.replace("timeout_s = 1", "timeout_s = 0.05"))
     monkeypatch.setattr("rig.verbs.instrument.scan.declared", lambda: {"acme-b1": quick, "other": other})
     done = rig("instrument", "scan", address, "--json")

@@ -14,10 +14,8 @@ SET_UP = r"""
 maker = "ACME"
 model = "M1"
 prepare = ["RANGE 10", "FILTER ON", "AUTO 0", "ZERO"]
-check = [{ ask = "RANGE?", is = 10 }, { ask = "FILTER?", is = "ON" }, { ask = "RATE?", is = 5 }]
+check = [{ ask = "RANGE?", is = 10 }, { ask = "FILTER?", is = "ON" }, { ask = "RATE?", is = 5, timeout_s = 0.05 }]
 healthy = [{ ask = "FUSE?", is = 1 }]
-[wire]
-timeout_s = 0.05
 [identity]
 ask = "ID?"
 [reader]
@@ -60,7 +58,7 @@ def test_each_setting_is_the_same_or_differs_or_was_not_read(tmp_path):
 
 def test_settings_that_are_all_the_same_need_no_doubt():
     said = SAID | {"RANGE?": b"10\n"}
-    text = SET_UP.replace(', "AUTO 0", "ZERO"', "").replace(', { ask = "RATE?", is = 5 }', "")
+    text = SET_UP.replace(', "AUTO 0", "ZERO"', "").replace(', { ask = "RATE?", is = 5, timeout_s = 0.05 }', "")
     with served(said.get) as address:
         found = check(text, "m", address, {}, None, 1.0)
     assert found.verdict == "as its file says"

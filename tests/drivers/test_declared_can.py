@@ -585,7 +585,7 @@ def test_the_text_of_a_file_stands_for_itself(tmp_path: Path):
 
 
 def test_a_scan_of_a_bus_says_what_is_heard_there(monkeypatch):
-    quick = declared()["css-canmod-temp"].replace('protocol = "can"', 'protocol = "can"\ntimeout_s = 0.05')
+    quick = declared()["css-canmod-temp"].replace('protocol = "can"', 'protocol = "can"\ntimeout_s = 0.5')
     monkeypatch.setattr("rig.verbs.instrument.scan.declared", lambda: {"css-canmod-temp": quick})
     theirs = can.Bus("scanned", "virtual")
     data = THERMOCOUPLES.encode_message("ThermocoupleHrTop", {one: 25 if "Temp" in one else 0 for one in TOP})

@@ -32,7 +32,7 @@ def say(instrument: socket.socket, *pieces: bytes) -> None:
 
     def send() -> None:
         for piece in pieces:
-            threading.Event().wait(0.05)
+            threading.Event().wait(0.25)  # it is heard by then
             instrument.sendall(piece)
 
     threading.Thread(target=send, daemon=True).start()

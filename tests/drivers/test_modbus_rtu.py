@@ -56,7 +56,7 @@ def behind_a_server(mangle: Mangle, loopback: str = "echo") -> Iterator[ModbusLi
         thread = threading.Thread(target=serve, daemon=True)
         thread.start()
         wires = ModbusWires(RealClock())
-        line = wires.line(f"modbus-rtu://socket://127.0.0.1:{listener.getsockname()[1]}/1", "oven", timeout_s=0.1)
+        line = wires.line(f"modbus-rtu://socket://127.0.0.1:{listener.getsockname()[1]}/1", "oven", timeout_s=0.5)
         line.known = (16, 15)
         yield line
         wires.close()
@@ -99,14 +99,19 @@ def test_a_doubled_answer_in_one_piece_is_refused_and_the_line_recovers() -> Non
 
 
 def test_a_doubled_answer_in_two_pieces_is_not_the_next_ones() -> None:
+    read, sent = threading.Event(), threading.Event()
+
     def mangle(send: Callable[[bytes], None], request: bytes, reply: bytes) -> None:
         send(reply)
         if asks(request, SETPOINT):
-            threading.Event().wait(0.002)
-            send(reply)  # Nagle's algorithm keeps it until the first piece is acknowledged
+            read.wait(5.0)
+            send(reply)
+            sent.set()
 
     with behind_a_server(mangle) as line:
         assert line.read(SETPOINT) == [60]
+        read.set()
+        assert sent.wait(5.0)
         with pytest.raises(BadReply, match="came after a reply, without a request"):
             line.read(PROCESS_VALUE)
         assert line.read(PROCESS_VALUE) == [23]
@@ -115,17 +120,18 @@ def test_a_doubled_answer_in_two_pieces_is_not_the_next_ones() -> None:
 def test_bytes_after_an_answer_put_it_in_doubt() -> None:
     """An answer one behind all others fits every request; what shows it is that there is one more."""
     behind = [summed(bytes((1, 3, 2, 0, 60)))]
-    sent = threading.Event()
+    read, sent = threading.Event(), threading.Event()
 
     def mangle(send: Callable[[bytes], None], request: bytes, reply: bytes) -> None:
         if asks(request, PROCESS_VALUE) and behind:
             send(behind.pop())
-            threading.Event().wait(0.005)  # the packets of a server are some milliseconds apart
+            read.wait(5.0)  # the packets of a server are some milliseconds apart
         send(reply)
         sent.set()
 
     with behind_a_server(mangle) as line:
         line.read(PROCESS_VALUE)  # 60, and nothing tells yet
+        read.set()
         assert sent.wait(5.0)
         with pytest.raises(BadReply, match="came after a reply, without a request; that reply may be a late one"):
             line.read(SETPOINT)

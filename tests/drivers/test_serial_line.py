@@ -272,7 +272,7 @@ def test_a_pseudo_terminal_can_be_opened_again_and_again_with_any_frame_and_flow
 
 def test_a_peer_that_goes_away_is_unreachable_not_a_traceback():
     terminal = Terminal(lambda data: b"here\n")
-    line = SerialLine(terminal.name, SerialSettings(9600, timeout_s=0.2), RealClock(), label="dvm")
+    line = SerialLine(terminal.name, SerialSettings(9600), RealClock(), label="dvm")
     assert line.query("A") == "here"
     terminal.hang_up()
     with pytest.raises((Unreachable, NoReply)):

@@ -85,7 +85,7 @@ def test_a_34401a_on_gpib_reads_without_any_change_to_its_driver(simulated):
 def test_nothing_is_read_from_the_bus_before_something_was_asked(simulated, monkeypatch):
     simulated("")
     wires = Wires(RealClock())
-    line = wires.serial("visa://GPIB0::9::INSTR", SerialSettings(9600, timeout_s=0.05), "source")
+    line = wires.serial("visa://GPIB0::9::INSTR", SerialSettings(9600), "source")
     read = []
     session = line._visa
     real = session._resource.visalib.read
@@ -108,7 +108,7 @@ def test_an_instrument_that_does_not_answer_is_asked_once_more_and_only_if_that_
     with pytest.raises(NoReply):
         line.query("NONE?", repeat=False)
     assert tap.sent == ["NONE?"] * 3
-    assert line.query("*IDN?") == "SCPI,MOCK,VERSION_1.0"
+    assert line.query("*IDN?", 2.0) == "SCPI,MOCK,VERSION_1.0"
     wires.close()
 
 

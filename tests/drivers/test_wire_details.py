@@ -207,7 +207,6 @@ def test_a_log_of_modbus_ascii_shows_the_characters_on_the_wire():
     model = "D1"
     [wire]
     protocol = "modbus"
-    timeout_s = 0.2
     [identity]
     register = 4096
     is = 241

@@ -122,9 +122,9 @@ def test_devices_behind_one_serial_server_share_its_connection() -> None:
     with serving(f4t("C", "C", FramerType.RTU), FramerType.RTU) as server:
         clock = RealClock()
         wires = Wires(clock)
-        options = WatlowF4T.Options(register_map=REGISTER_MAP, timeout_s=0.3)
-        one = WatlowF4T("one", server.address, options, wires, clock)
-        two = WatlowF4T("two", server.address[:-1] + "2", options, wires, clock)
+        silent = WatlowF4T.Options(register_map=REGISTER_MAP, timeout_s=0.3)
+        one = WatlowF4T("one", server.address, WatlowF4T.Options(register_map=REGISTER_MAP), wires, clock)
+        two = WatlowF4T("two", server.address[:-1] + "2", silent, wires, clock)
         one.set_temperature(25.0)
         with pytest.raises(DriverError, match=r"two at modbus-rtu://socket://127\.0\.0\.1"):
             two.set_temperature(25.0)

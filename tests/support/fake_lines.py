@@ -29,14 +29,14 @@ def serving(server: S) -> Iterator[S]:
 
 
 @contextmanager
-def answering(handler: type[socketserver.BaseRequestHandler]) -> Iterator[int]:
-    """The port at which a class answers, each connection in a thread. Lines that are opened meanwhile need less silence
-    than a third of a second, since what answers from this machine does not pause.
+def answering(handler: type[socketserver.BaseRequestHandler], quiet_s: float = 0.06) -> Iterator[int]:
+    """The port at which a class answers, each connection in a thread. Lines that are opened meanwhile need `quiet_s` of
+    silence, less than a third of a second, since what answers from this machine does not pause.
     """
     server = socketserver.ThreadingTCPServer(("127.0.0.1", 0), handler)
     server.daemon_threads = True
     with serving(server), pytest.MonkeyPatch.context() as patch:
-        patch.setattr("rig.drivers.wires.serial_port.QUIET_S", 0.06)
+        patch.setattr("rig.drivers.wires.serial_port.QUIET_S", quiet_s)
         yield server.server_address[1]
 
 
@@ -67,5 +67,5 @@ def served(
                     if more := later(line.decode("latin-1")):
                         threading.Timer(after_s, self.request.sendall, (more,)).start()
 
-    with answering(Lines) as port:
+    with answering(Lines, 5.0 * after_s or 0.06) as port:  # a thread may come late
         yield f"socket://127.0.0.1:{port}"
