@@ -92,6 +92,10 @@ class Coefficients(ABC):
         """Whether both names are there."""
         return True
 
+    def is_other(self, name: str, other: str, block: Block) -> bool:
+        """Whether a name that changes so is another one by definition, as a group's offset over x is its gain."""
+        return False
+
     @abstractmethod
     def instead(self, other: str, i: int | None) -> Instead:
         """The residual without a name there."""
@@ -119,7 +123,8 @@ class Coefficients(ABC):
                 if not self.shared(name, other, i):
                     return None
                 without = self.instead(other, i)
-                return stands_in(without.y, without.own, self.products(name, i), without.project, without.variance)
+                blocks = (block for block in self.products(name, i) if not self.is_other(name, other, block))
+                return stands_in(without.y, without.own, blocks, without.project, without.variance)
 
             out = exchanges([name for name in self.names if self.shared(name, name, i)], over) | out
         return out

@@ -104,7 +104,8 @@ def several_values(count: int) -> str:
 
 def rests_on(rows: Sequence[int]) -> str:
     """Sentence about an effect that no other rows show."""
-    which = f"row {rows[0]}" if len(rows) == 1 else f"rows {' and '.join(str(row) for row in rows)}"
+    *others, last = map(str, rows)
+    which = f"rows {', '.join(others)} and {last}" if others else f"row {last}"
     return f"it rests on {which}: the other rows do not show it"
 
 

@@ -22,7 +22,7 @@ _CLOCK = (
     r"(?: ?(?P<half>[AaPp]\.?[Mm]\.?))?"
 )
 _ZONE = r"(?: ?(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2}))?"
-_AT = rf"(?:(?:[T,]| at)? *{_CLOCK}{_ZONE})?"
+_AT = rf"(?:(?:[T,:_/-]| at)? *{_CLOCK}{_ZONE})?"
 _DAY = r"(?:[A-Za-z]{2,9}[.,]* +)?"
 _MONTH = r"(?P<month>[A-Za-z\u00c0-\u00ff]{3,9})\.?"
 _FORMS = tuple(

@@ -57,6 +57,12 @@ class Constant(Coefficients):
         """See `Coefficients`."""
         return name in self._added[i or 0] and other in self._added[i or 0]
 
+    def is_other(self, name: str, other: str, block: Block) -> bool:
+        """See `Coefficients`: the columns of one are those of the other and the variable."""
+        one = self.sensors[0]
+        mine, others = ({c for j in one.of(n) for c in one.candidates[j].effect.columns} for n in (name, other))
+        return (mine < others or others < mine) and block.place in {f"with {column}" for column in mine ^ others}
+
     def p(self, name: str, i: int | None, block: Block) -> float | None:
         """See `Coefficients`; asked again beside the slowest error that is plausible."""
         one = self.sensors[i or 0]

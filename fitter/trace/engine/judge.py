@@ -41,6 +41,8 @@ PAIRED = 3
 """Number of effects in time that are tried in pairs if none is significant by itself. Each of two has to be significant
 beside the other, one of them by this factor more, because of the number of trials.
 """
+AKAIKE = 2.0
+"""Twice the log-likelihood that a column has to gain to be likelier in than out."""
 WALKS: tuple[Rivalry, ...] = ("fast", "slow")
 """Rivals of an effect that is ahead of every slow walk: noise of short memory, and such walks."""
 
@@ -162,16 +164,19 @@ class TableJudge:
         return float(2.0 * (self.beside(chosen).ml.max() - without.ml[slow].max()) - price)
 
     def like_memory(self, chosen: tuple[int, ...], still: BoolArray) -> tuple[str, ...]:
-        """Effects that explain about as much as errors with memory, likeliest first.
+        """Effects that explain about as much as errors with memory, likeliest first, and what may be a part of these.
 
-        Each of them is significant beside the likeliest covariance without memory, one of those of `still` (G,).
+        Each of them is significant beside the likeliest covariance without memory, one of those of `still` (G,). A
+        part is a plain course in time with which errors with memory are likelier than alone (Akaike).
         """
         found = dict[str, float]()
         for j in self.promising(chosen):
-            trial, name = self._trial(chosen, j), self.candidates[j].effect.name
-            at = trial.beside.best_of(still)
+            trial, effect, term = self._trial(chosen, j), self.candidates[j].effect, self.candidates[j].term
+            at, name = trial.beside.best_of(still), effect.name
             behind = 2.0 * float(trial.without.ml.max() - trial.beside.ml[at])
-            if behind <= DELTA:
+            gained = 2.0 * float(trial.beside.ml.max() - trial.without.ml.max())
+            part = effect.source == "time" and term.profile is None and gained > AKAIKE * term.price
+            if behind <= DELTA or part:
                 own = float(self._scored(at, trial.y, chosen, j).evidence[0])
                 if self.family_for(j, at, "any").adjust(name, own, ALPHA) <= ALPHA:
                     found[name] = min(behind, found.get(name, behind))

@@ -17,6 +17,10 @@ from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 
 MOST = 2
 """Rows that are left out to see whether a name rests on them."""
+HANDFUL, SHARE, LEVER = 10, 0.15, 2.5
+"""The same, and share of all rows, of rows with so many times the leverage of the average one: far from all others they
+are one piece of evidence, however many they are.
+"""
 NOTHING = 0.05
 """Probability by chance of an effect when they are left out, above which its name rests on them."""
 FIXED = 1e-9
@@ -87,7 +91,7 @@ def _repeated(data: TableData, rows: IntArray) -> bool:
 
 
 def resting(unmodelled: UnmodelledSmooth) -> dict[str, str]:
-    """Sentences about names of which nothing is left without one or two rows, by name."""
+    """Sentences about names of which nothing is left without one or two rows, or a handful far off, by name."""
     judge, chosen = unmodelled.judge, unmodelled.chosen
     out = {}
     for name in names_of(judge.candidates, chosen):
@@ -108,8 +112,9 @@ def _rows_of(unmodelled: UnmodelledSmooth, rest: tuple[int, ...]) -> list[int]:
     view, white = judge.view(0), judge.white(0, chosen)
     small, large = view.taken(rest), view.taken(chosen)
     rank = large.shape[1] - small.shape[1]
+    leverage = np.sum(large**2, axis=1)
     out: list[int] = []
-    for _ in range(MOST):
+    for _ in range(max(MOST, min(HANDFUL, int(SHARE * len(white))))):
         before, after = _without(white, small), _without(white, large)
         df = len(white) - large.shape[1] - 1
         if rank < 1 or df < 1:
@@ -120,7 +125,7 @@ def _rows_of(unmodelled: UnmodelledSmooth, rest: tuple[int, ...]) -> list[int]:
         worst = int(np.argmin(ratio))
         out.append(worst)
         if special.fdtrc(rank, df, ratio[worst]) > NOTHING:
-            return sorted(out)
+            return sorted(out) if len(out) <= MOST or leverage[out].mean() > LEVER * leverage.mean() else []
         small, large = _beside(small, worst), _beside(large, worst)
         rank = large.shape[1] - small.shape[1]
     return []

@@ -165,8 +165,8 @@ def _doubt(effect: FoundTableEffect, wandering: Collection[str], tried: int) -> 
     """
     if effect.other_causes >= MANY:
         return several_causes(effect.other_causes + 1)
-    if effect.effect in wandering:
-        return beside_a_wander()
+    if effect.effect in wandering and (effect.family != "periodic" or WANDER in effect.aliases):
+        return beside_a_wander()  # what came back is no wander
     if effect.p_adjusted_is_bound and beyond_chance(effect.coefficients, effect.given, effect.df, tried):
         return None
     return by_chance(effect.p_adjusted)
