@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.gross import GrossErrors, gross_errors, with_repeats, without_smooth
+from rig.fitter.gross import LEVEL, GrossErrors, gross_errors, with_repeats, without_smooth
 from rig.fitter.gross.rows import Rows
 from rig.fitter.own_span import NO_GROUP
 from rig.fitter.resolution import resolution
@@ -27,6 +27,7 @@ def of_table(
     *,
     measured: FloatArray | None = None,
     scale: FloatArray | None = None,
+    level: float = LEVEL,
 ) -> GrossErrors:
     """Search in a response.
 
@@ -37,6 +38,7 @@ def of_table(
         measured: (n,) the response as it was measured, if that is not `y`.
         scale: (n,) by which `y` and `columns` are multiplied for rows of unequal standard deviations; the result is in
             units of the measured response.
+        level: probability that a clean table has a row named.
     """
     n = len(y)
     step = resolution(y if measured is None else measured)
@@ -48,13 +50,13 @@ def of_table(
     settings = settings_of(plain)
     visits = np.bincount(settings)
     if visits.size > SETTINGS or visits.min() < OFTEN:
-        found = gross_errors(y, columns, rows=declared, step=step, drivers=drivers)
+        found = gross_errors(y, columns, rows=declared, step=step, drivers=drivers, level=level)
     elif whole_plot is None:
         levels = Rows(columns, y, weight, settings)
-        found = with_repeats(declared, levels, settings, step=step, drivers=drivers)
+        found = with_repeats(declared, levels, settings, step=step, drivers=drivers, level=level)
     else:
         own = weight[:, None] * np.eye(visits.size)[settings]
         levels = Rows(np.column_stack([columns, own]), y, weight, whole_plot)
-        found = with_repeats(declared, levels, settings, step=step, drivers=drivers)
+        found = with_repeats(declared, levels, settings, step=step, drivers=drivers, level=level)
     found = without_smooth(found, declared, plain)
     return found if scale is None else replace(found, off=found.off / scale[found.rows], sd=found.sd / scale)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray, IntArray
+from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.doubts import rests_on
 from rig.fitter.trace.engine.problem import Problem
 from rig.fitter.trace.search import names_of
@@ -35,7 +36,7 @@ class Searched:
         found: the result.
         data: the table, with a column of its own for each row that is apart.
         problem: of this table.
-        apart: (m,) rows that are gross errors beside the declared model, farthest first.
+        apart: (m,) rows that are gross errors beside the declared model, farthest first, or perhaps are.
         distance_sd: (m,) their distances.
         off: (m,) the same in units of the response.
         p: probability that a clean table has such a row.
@@ -60,8 +61,11 @@ def searched(data: TableData) -> Searched:
     """
     problem = problem_of(data)
     found = search_table(data, problem)
-    gross = of_table(data.y, data.columns, data.shared)
-    plain = Searched(found, data, problem, gross.rows, gross.distance_sd, gross.off, gross.p)
+    gross = perhaps = of_table(data.y, data.columns, data.shared, level=ALPHA)
+    if perhaps.rows.size:
+        gross = of_table(data.y, data.columns, data.shared)
+    told = gross if gross.rows.size else perhaps
+    plain = Searched(found, data, problem, told.rows, told.distance_sd, told.off, told.p)
     names = names_of(found.judge.candidates, found.chosen)
     constants = {
         name: sum(c.term.price for c in (found.judge.candidates[j] for j in found.chosen) if c.effect.name == name)

@@ -9,6 +9,7 @@ from scipy import special
 
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUANTISATION
+from rig.fitter.gross import LEVEL
 from rig.fitter.resolution import least_sd, resolution
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.coarse import lattice
@@ -38,7 +39,13 @@ RECORD = "record what may wander (temperature, humidity, supply), or take rows i
 
 
 def noise_findings(
-    judge: TableJudge, chosen: tuple[int, ...], growth: Growth | OfLevels | None, looked: Searched, *, shape: bool
+    judge: TableJudge,
+    chosen: tuple[int, ...],
+    growth: Growth | OfLevels | None,
+    looked: Searched,
+    *,
+    shape: bool,
+    sure: bool,
 ) -> tuple[FoundTableEffect, ...]:
     """Findings about noise with the `chosen` effects, and its influence on intervals.
 
@@ -48,6 +55,7 @@ def noise_findings(
         growth: of the noise, as used for weights.
         looked: the table, and its gross errors beside the declared model.
         shape: whether the residual follows one: rows that are far from the model are a part of it.
+        sure: whether a name found has no doubt about what it explains: such rows are a part of that, too.
     """
     data = looked.data
     every = (
@@ -55,7 +63,7 @@ def noise_findings(
         _growing(judge, chosen, growth, data),
         _found_by_fit(judge, looked)
         if looked.dropped
-        else _alone(judge, chosen, data) or (None if chosen or shape else _found_by_fit(judge, looked)),
+        else _alone(judge, chosen, data) or (None if sure or shape else _found_by_fit(judge, looked)),
         _rounded(judge, chosen, data),
         _by_hand(judge, chosen, data),
     )
@@ -186,7 +194,7 @@ def _found_by_fit(judge: TableJudge, looked: Searched) -> FoundTableEffect | Non
     more = f" and {len(z) - SHOWN} more" if len(z) > SHOWN else ""
     which = f"row{'s' if len(z) > 1 else ''} {', '.join(map(str, rows))}{more} of the file"
     apart = f"{len(z)} of {judge.problem.n} rows {'stands' if len(z) == 1 else 'stand'} alone, by {z.max():.1f} sd"
-    size = f"{which}, found by `rig fit`, too"
+    size = f"{which}, {'found by `rig fit`, too' if looked.p <= LEVEL else 'perhaps: `rig fit` asks for less chance'}"
     if looked.dropped:
         size += f". Left out here, since nothing else shows {' and '.join(looked.dropped)}, which is not named"
     return _finding(

@@ -78,7 +78,8 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
     shown = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
     divided = _shares(judge, chosen, shown, unnamed_part(left))
     shape = any(one.stratum != "noise" for one in left)
-    noise = noise_findings(judge, chosen, found.growth, looked, shape=shape)
+    sure = any(one.effect not in doubts for one in shown)
+    noise = noise_findings(judge, chosen, found.growth, looked, shape=shape, sure=sure)
     wanders = any(finding.effect == AUTOCORRELATION for finding in noise)
     slow = {c.effect.name for c in judge.candidates if c.effect.source == "time" or ORDER in c.effect.columns}
     wandering = slow if wanders else set()
