@@ -226,6 +226,10 @@ class Unmodelled(ABC):
         """Names and reasons that only one kind of run has."""
         return iter(())
 
+    def of_levels(self, name: str) -> bool:
+        """Whether a name says that levels of a recorded group differ: each of them is seen in its own rows."""
+        return False
+
     def values_of(self, name: str) -> int:
         """Number of values of a searched constant, if a name has too many for one cause; else 0."""
         return 0
@@ -283,8 +287,9 @@ class Unmodelled(ABC):
         for name in names:
             if len(sensors := self.several(name)) > 1:
                 out.setdefault(name, in_several(sensors))
-        if len(names) >= BUNDLE:
-            out = dict.fromkeys(names, bundle(names)) | out
+        parts = [name for name in names if not self.of_levels(name)]
+        if len(parts) >= BUNDLE:
+            out = dict.fromkeys(parts, bundle(parts)) | out
         if any(name not in out for name in names):
             named, nameless, where = self.earned(names, group)
             if named - nameless < self.lead(names):

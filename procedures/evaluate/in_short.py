@@ -104,11 +104,16 @@ def _crowds(sensors: Mapping[str, Any]) -> Iterator[Block]:
     """The shape in place of many doubtful names: that a part of the model is missing is sure, its names are not."""
     for name, sensor in sensors.items():
         if names := _crowd(sensor):
-            one = sensor["instead"]
+            one, effects = sensor["instead"], sensor["effects"]
+            groups = {name for e in effects if e.get("family") == "group" for name in e["columns"]}
+            over = one["shape"]["over"]["variable"]
+            if over in groups:
+                lacks = f"Levels of {over} that differ look like this: please give the model its levels, C({over})"
+            else:
+                lacks = "A curve that the declared model lacks looks like this: please choose a model that follows it"
             text = (
                 f"no name is sure: one shape {one['where']}, {size_of(one['shape'])} rms, takes as much as "
-                f"{len(names)} names together, which are all doubtful: {', '.join(names)} (--full). A curve that "
-                f"the declared model lacks looks like this: please choose a model that follows it"
+                f"{len(names)} names together, which are all doubtful: {', '.join(names)} (--full). {lacks}"
             )
             yield Paragraph(f"[yellow]{escape(name)}: {escape(text)}[/]", 2)
 

@@ -26,6 +26,13 @@ CASES = {
     "gun": ("rounds", "1 + C(Method)", "--group Team", {"group-offset:Team"}),
     "ergostool": ("effort", "1 + C(Type)", "--group Subject", {"group-offset:Subject"}),
     "petrol": ("Y", "1 + EP", "--group No", {"group-offset:No"}),
+    "orange": ("circumference", "1 + age", "--group Tree", {"group-gain:Tree,age"}),
+    "pixel": (
+        "pixel",
+        "1 + day + day^2",
+        "--group Dog --group Side",
+        {"group-offset:Dog", "group-by-group:Dog,Side", "group-gain:Dog,day"},
+    ),
     "steamuse": ("Steam", "1 + temperature", "", {"covariate:op.days"}),
     "pressure": ("log(pressure)", "1 + temperature", "", {"second-order:temperature"}),
     "cloud": ("CloudPoint", "1 + Percentage", "", {"saturation:Percentage"}),
@@ -133,6 +140,13 @@ def test_a_curve_that_six_rows_far_off_make_is_doubtful():
     """Stars of a cluster: four giants at the end of the scale, and two rows on the way there."""
     doubt = doubts("starscyg", "log.light", "1 + log.Te", "")["second-order:log.Te"]
     assert doubt == "it rests on rows 8, 12, 15, 21, 31 and 35: the other rows do not show it"
+
+
+@pytest.mark.parametrize("name", ["pixel", "orange"])
+def test_levels_that_differ_have_names_without_doubt_beside_one_another_and_beside_a_curve_of_all(name):
+    """Dogs, sides of each, and how fast each dog changes (Pinheiro and Bates); trees whose common law is not a line."""
+    found = doubts(name, *CASES[name][:3])
+    assert {effect: found[effect] for effect in CASES[name][3]} == dict.fromkeys(CASES[name][3])
 
 
 @pytest.mark.parametrize(("name", "rows"), [("stackloss", {2, 4, 5, 22}), ("wood", {5, 7, 9, 20})])

@@ -83,6 +83,7 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
     wanders = any(finding.effect == AUTOCORRELATION for finding in noise)
     slow = {c.effect.name for c in judge.candidates if c.effect.source == "time" or ORDER in c.effect.columns}
     wandering = slow if wanders else set()
+    assumed = slow if data.scene.time is not None and data.scene.time.presumed else set()
     tried = judge.problem.sensors * sum(len(c.term.labels) for c in judge.candidates)
     cv, words, lost = ((None, None), None, 0) if crossed is None else crossed
     words = data.shares if words == SHARING else words
@@ -111,7 +112,7 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
             fell=after.sigma_E < before.sigma_E,
             rest=rest,
             doubtful=bool(doubtful),
-            perhaps=any(one.aliases for one in noise),
+            perhaps=any(set(one.aliases) - assumed for one in noise),
         ),
         before=sides[0],
         after=sides[1],

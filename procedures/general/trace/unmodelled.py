@@ -195,6 +195,8 @@ class UnmodelledSmooth(InSensor):
     def left_beside(self, name: str, group: Group) -> str | None:
         """See `Unmodelled`."""
         own = set(self.candidates[self.of(name)[0]].effect.columns)
+        if self.of_levels(name):  # a curve that all levels share says nothing of whether they differ
+            own &= {*self.data.scene.groups, *self.data.scene.labels}
         found = self._left_over(own)
         if found is not None:
             return something_left(found[0].place.text, found[1])
@@ -214,6 +216,10 @@ class UnmodelledSmooth(InSensor):
             effect, profile = self.candidates[j].effect, self.candidates[j].term.profile
             if effect.family == "periodic" and effect.source == "time" and profile and profile.value < PERIODS:
                 yield [effect.name], few_periods(profile.value)
+
+    def of_levels(self, name: str) -> bool:
+        """See `Unmodelled`."""
+        return self.candidates[self.of(name)[0]].effect.family == "group"
 
     def rare(self, effect: Any) -> bool:
         """See `InSensor`."""
