@@ -105,7 +105,7 @@ def _crowds(sensors: Mapping[str, Any]) -> Iterator[Block]:
     for name, sensor in sensors.items():
         if names := _crowd(sensor):
             one, effects = sensor["instead"], sensor["effects"]
-            groups = {name for e in effects if e.get("family") == "group" for name in e["columns"]}
+            groups = {e["columns"][0] for e in effects if e.get("family") == "group"}
             over = one["shape"]["over"]["variable"]
             if over in groups:
                 lacks = f"Levels of {over} that differ look like this: please give the model its levels, C({over})"

@@ -10,6 +10,7 @@ import pytest
 from proving.truth.table import MISSING, options, simulate
 from rig.fitter.trace.engine import family
 from rig.procedures.errors import DataError
+from rig.procedures.evaluate import in_short
 from rig.procedures.general import report as general_report
 from rig.procedures.general.column_roles import Roles, parts_played, roles_of
 from rig.procedures.general.effects import effects_of
@@ -200,3 +201,14 @@ def test_whole_plots_may_be_called_by_words():
     assert effect["stratum"] == "whole-plot"
     low, high = effect["interval_95"][0]
     assert (high - low) / 2 == pytest.approx(2.1448 * effect["stderr"][0], rel=1e-3)
+
+
+@pytest.mark.parametrize(("over", "told"), [("bath", "Levels of bath that differ"), ("t_s", "A curve that the")])
+def test_what_stands_in_place_of_many_names_is_levels_where_it_is_over_a_group(over, told):
+    """Of 28 chicks that grow by different curves it was said that a curve over them was not in the model."""
+    names = ["group-offset:bath", "group-gain:bath,t_s", "kink:t_s", "third-order:t_s"]
+    shape = {"over": {"variable": over}, "rms": 1.0, "unit": "V"}
+    effects = [{"effect": n, "family": "group", "columns": n.partition(":")[2].split(",")} for n in names[:2]]
+    instead = {"effects": names, "where": f"over {over}", "shape": shape}
+    (said,) = in_short._crowds({"y": {"instead": instead, "effects": effects}})
+    assert told in said.text

@@ -219,7 +219,7 @@ class UnmodelledSmooth(InSensor):
 
     def of_levels(self, name: str) -> bool:
         """See `Unmodelled`."""
-        return self.candidates[self.of(name)[0]].effect.family == "group"
+        return bool(self.candidates[self.of(name)[0]].effect.family == "group")
 
     def rare(self, effect: Any) -> bool:
         """See `InSensor`."""
