@@ -55,7 +55,7 @@ def noise_findings(
         growth: of the noise, as used for weights.
         looked: the table, and its gross errors beside the declared model.
         shape: whether the residual follows one: rows that are far from the model are a part of it.
-        sure: whether a name found has no doubt about what it explains: such rows are a part of that, too.
+        sure: whether a name rests on more than a few rows: such rows may be a part of what it explains.
     """
     data = looked.data
     every = (

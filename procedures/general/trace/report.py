@@ -37,7 +37,7 @@ from rig.procedures.general.swept import all_swept, functions_alike, swept_once
 from rig.procedures.general.trace.cross import SHARING, left_out
 from rig.procedures.general.trace.estimate import Estimate, estimate, strata_of
 from rig.procedures.general.trace.few_plots import few_plots
-from rig.procedures.general.trace.few_rows import searched
+from rig.procedures.general.trace.few_rows import resting, searched
 from rig.procedures.general.trace.findings import noise_findings
 from rig.procedures.general.trace.reasons import doubts_of
 from rig.procedures.general.trace.remainder import pure_error, unnamed
@@ -78,7 +78,8 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
     shown = [_effect(judge, after, name, data) for name in names_of(judge.candidates, chosen)]
     divided = _shares(judge, chosen, shown, unnamed_part(left))
     shape = any(one.stratum != "noise" for one in left)
-    sure = any(one.effect not in doubts for one in shown)
+    resting_names = resting(unmodelled) if looked.apart.size else {}
+    sure = any(one.effect not in resting_names for one in shown)
     noise = noise_findings(judge, chosen, found.growth, looked, shape=shape, sure=sure)
     wanders = any(finding.effect == AUTOCORRELATION for finding in noise)
     slow = {c.effect.name for c in judge.candidates if c.effect.source == "time" or ORDER in c.effect.columns}
