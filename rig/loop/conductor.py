@@ -22,8 +22,8 @@ from rig.loop.decide import Considers, Decision, Left, decide, decided
 from rig.loop.ends import Ending, Told, began, each_h, ended, not_made
 from rig.loop.evaluation import Evaluation, with_left_over
 from rig.loop.findings import found_by_first, found_by_later
-from rig.loop.for_goal import GoalStep, for_goal, procedure_with
 from rig.loop.program import SUFFIX, LoopRun, Program
+from rig.loop.replications import GoalStep, for_a_name, for_goal, procedure_with
 from rig.loop.timeline import EVALUATION_S, Timeline
 from rig.procedures.errors import DataError
 from rig.procedures.plan.settings import GoalSettings
@@ -258,10 +258,30 @@ class Conductor:
         if more is None:
             self.record(said)
             return False
-        again = procedure_with(procedure, replications=1, seed=procedure.seed + more, goal=None)
-        hours = each_h(program.runs, procedure.replications)
-        self.record(said, replace(self._planned(f"replication {more}", hours, procedure_text(again)), segment=True))
+        self.record(said, self._replications(more, 1))
         return True
+
+    def _replications(self, number: int, count: int) -> LoopRunPlanned:
+        """A run of so many further replications, one with the first run; the first of them has this number."""
+        procedure = self.plan.procedure
+        again = procedure_with(procedure, replications=count, seed=procedure.seed + number, goal=None)
+        hours = count * each_h(self.program.runs, procedure.replications)
+        what = f"replication {number}" if count == 1 else f"replications {number} to {number + count - 1}"
+        return replace(self._planned(what, hours, procedure_text(again)), segment=True)
+
+    def _again_for_a_name(self, decision: Decision) -> bool:
+        """Plan further replications in place of the end, if error is left that the first run is too short to name."""
+        program, procedure = self.program, self.plan.procedure
+        left_h = (program.ends_s - self.timeline.elapsed_s) / 3600.0
+        try:
+            count, why = for_a_name(decision, self.evaluation, procedure, left_h)
+        except FAULTS:
+            return False  # the decision says that the runs cannot be evaluated
+        if count:
+            planned = self._replications(procedure.replications + program.replications + 1, count)
+            after = len(program.runs)
+            self.record(LoopDecided(after=after, next="segment", why=why, left_h=round(left_h, 3)), planned)
+        return count > 0
 
     # --- evaluation -----------------------------------------------------------------------------------------------
 
@@ -283,7 +303,7 @@ class Conductor:
             if self._for_goal():
                 continue
             decision = self._decision()
-            if self._regrouped(decision):
+            if self._regrouped(decision) or self._again_for_a_name(decision):
                 continue
             self._decide(decision)
             if decision.run is None:

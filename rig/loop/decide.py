@@ -85,8 +85,13 @@ def gain_per_h(run: Proposal) -> float:
 
 def needs_person(first: First, variation: Variation) -> bool:
     """Whether somebody has to be there for a run: for a change, for its own steps by hand, to set or to read."""
+    return bool(variation.person) or asks_somebody(first, variation.procedure)
+
+
+def asks_somebody(first: First, procedure: Any) -> bool:
+    """Whether a procedure on the bench of the first run has steps by hand, or somebody sets or reads something."""
     asks = [*playing(first.bench, ByHand), *playing(first.bench, Typing)]
-    return bool(variation.person or asks or variation.procedure.expand().steps)
+    return bool(asks or procedure.expand().steps)
 
 
 def permitted(first: First, variation: Variation, allow: Sequence[str]) -> bool:

@@ -18,9 +18,9 @@ from rig.instruments.locks import locked_addresses
 from rig.loop.conductor import Conductor
 from rig.loop.decide import PARKING_H, PERSON
 from rig.loop.ends import Ending, Told
-from rig.loop.for_goal import procedure_with
 from rig.loop.goal_of_results import check_goal
 from rig.loop.program import SETTINGS, SUFFIX, check_unchanged, file_of, read_program
+from rig.loop.replications import procedure_with
 from rig.loop.timeline import Timeline, seconds_until
 from rig.procedures.plan.settings import GoalSettings, LoopSettings
 from rig.procedures.present.durations import duration

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,7 +19,7 @@ from proving.loops import Silent
 from rig.engine.session import Outcome, Signals
 from rig.errors import ConfigurationError
 from rig.examples import example
-from rig.loop import Program, open_program, start_loop
+from rig.loop import Program, open_program, replications, start_loop
 from rig.loop.decide import Left, decide
 from rig.loop.timeline import clock_time
 from rig.procedures.plan.settings import LoopSettings
@@ -34,7 +35,7 @@ EVALUATIONS = Evaluations()
 def with_goal(folder: Path, goal: str, hours: float | None = None, begin: bool = True, most_runs: int = 0) -> Any:
     """A loop of the voltmeter with a goal, closed after it; or its folder, prepared."""
     path = shorter(folder)
-    if "[goal]" not in path.read_text():
+    if goal and "[goal]" not in path.read_text():
         path.write_text(f"{path.read_text()}\n[goal]\n{goal}\n[loop]\nmost_runs = {most_runs}\n")
     if not begin:
         return path
@@ -185,6 +186,46 @@ def test_crashes_between_and_in_replications_lose_none(tmp_path: Path):
     program = open_program(loop.path)
     assert "the goal" in why(program)
     assert [run.planned.number for run in program.runs] == list(range(1, len(program.runs) + 1))
+
+
+# --- replications for a name ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def nameless(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every trace leaves error without a name."""
+    monkeypatch.setattr(replications, "left_over", lambda _first, _told: "x has more than error, without a name")
+
+
+@pytest.mark.usefixtures("nameless")
+def test_error_without_a_name_takes_the_design_once_more_and_no_third_time(tmp_path: Path):
+    with Disk(seed=5, default=True) as disk:
+        loop = CrashedLoop(tmp_path, EVALUATIONS, {"considered": lambda _first, **_how: ()})
+        for writes in (230, 260, 10**9):
+            disk.crash_at(writes)
+            if loop.go_on(disk):
+                break
+            disk.power_cut("all")
+    program = open_program(loop.path)
+    assert loop.crashes >= 1
+    assert [(run.planned.what, run.planned.segment) for run in program.runs[1:]] == [("replication 2", True)]
+    assert len(program.segments) == 2
+    told = [record.event.why for record in program.story if record.status == "decided"]
+    assert re.search(
+        r"; one further replication of \d+ min is traced with the first run as one: "
+        r"together they name effects of 0\.71 times the size$",
+        told[0],
+    )
+    assert len(told) == 2
+    assert verify_file(program.path).whole
+
+
+@pytest.mark.usefixtures("nameless")
+@pytest.mark.parametrize("loop", ['hours = 0.25\nallow = ["again"]', 'hours = 8\nallow = ["order"]'])
+def test_the_design_is_not_made_again_without_time_or_permission(tmp_path: Path, loop: str):
+    path = shorter(tmp_path)
+    path.write_text(f"{path.read_text()}\n[loop]\n{loop}\n")
+    assert len(with_goal(tmp_path, "", hours=float(loop.split()[2])).runs) == 1
 
 
 def test_an_expanded_uncertainty_without_a_register_is_refused(tmp_path: Path):

@@ -130,7 +130,7 @@ class LoopDecided(Event, kind="loop", status="decided", matters=TOLD, says="{why
 
     Attributes:
         after: number of the runs before it.
-        next: "run" or "close"; before the trace "segment", or "trace" once nothing more is done for the goal.
+        next: "run" or "close"; "segment", of further replications, or "trace" once nothing more is done for the goal.
         why: a sentence with numbers.
         left_h: time left, hours.
         hours: bench time of the next run.

@@ -1,20 +1,22 @@
-"""The next step for the goal of a loop: one more replication, a further run first, or nothing more."""
+"""Further replications of a loop's first run: one after the other for its goal, or many at once for a name."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from rig.loop.decide import PARKING_H, Decision
+from rig.loop.decide import PARKING_H, PERSON, Decision, Left, asks_somebody
 from rig.loop.ends import each_h
-from rig.loop.evaluation import Evaluation
+from rig.loop.evaluation import Evaluation, left_over
 from rig.loop.goal import aims_by, looked
 from rig.loop.goal_of_results import Made
 from rig.loop.hours import HoursLeft, confirmed_model, open_questions, planned, stake
 from rig.procedures.kind import Procedure
 from rig.procedures.plan.settings import GoalSettings
+from rig.procedures.present.durations import duration
 
 
 @dataclass(frozen=True)
@@ -80,3 +82,34 @@ def for_goal(
     left = HoursLeft(loop_h - PARKING_H, left_h - PARKING_H, hours, look.needed)
     plan = planned(at_stake, made.count, further.run, left, returns=not further.run.variation.person)
     return GoalStep(look.more, f"{look.why}; {plan.why}", further if plan.run_next else None)
+
+
+def for_a_name(decision: Decision, evaluation: Evaluation, procedure: Procedure, left_h: float) -> tuple[int, str]:
+    """Number of replications that follow a decision to close the loop, and why; 0 if the loop closes.
+
+    They follow if the trace leaves error without a name, and are traced with the first run as one. The whole design is
+    made twice at most: a name that half as many readings do not show is not looked for after every further replication.
+
+    Args:
+        decision: the next step without them.
+        evaluation: of the runs.
+        procedure: of the first run.
+        left_h: time left for the loop, hours.
+    """
+    program, first = evaluation.program, evaluation.first
+    count = procedure.replications - program.replications
+    told = decision.run is not None or decision.settled or evaluation.told is not None
+    if told or count < 1 or "again" not in program.allow or not program.runs[-1].complete or not left_over(first, None):
+        return 0, ""
+    if PERSON not in program.allow and asks_somebody(first, procedure):
+        return 0, ""
+    each, total = each_h(program.runs, procedure.replications), procedure.replications + program.replications
+    count = min(count, int(Left(left_h, 0, ()).most_h / each))
+    if count < 1:
+        return 0, ""
+    more = "one further replication of {} is" if count == 1 else f"{count} further replications of {{}} together are"
+    size, hours = math.sqrt(total / (total + count)), duration(3600.0 * count * each)
+    return count, (
+        f"{decision.why}; {more.format(hours)} traced with the first run as one: together they name effects of "
+        f"{size:.2f} times the size"
+    )
