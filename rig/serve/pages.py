@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import AsyncIterator, Awaitable, Callable
+from functools import cache
 from typing import Any
 from urllib.parse import quote
 
@@ -51,6 +52,15 @@ NAVIGATION = (
 )
 
 
+@cache
+def _templates() -> jinja2.Environment:
+    loader = jinja2.ChoiceLoader([jinja2.PackageLoader("rig.serve"), jinja2.PackageLoader("rig.watch")])
+    found = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
+    found.filters["part"] = lambda text: quote(str(text), safe="")
+    found.filters["path"] = lambda text: quote(str(text), safe="/")
+    return found
+
+
 class LaboratoryPages:
     """Routes of the pages.
 
@@ -66,10 +76,6 @@ class LaboratoryPages:
         self._site, self._acting, self._sessions, self._pause = site, acting, sessions, pause
         self._cookie, self._encrypted = ("__Host-rig" if encrypted else "rig_serve"), encrypted
         self._streams = Streams(_MOST_STREAMS, _MOST_OF_ONE)
-        loader = jinja2.ChoiceLoader([jinja2.PackageLoader("rig.serve"), jinja2.PackageLoader("rig.watch")])
-        self._templates = jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
-        self._templates.filters["part"] = lambda text: quote(str(text), safe="")
-        self._templates.filters["path"] = lambda text: quote(str(text), safe="/")
         self._passkeys = Passkeys(site.stopwatch)
         self._logging_in = LoggingIn(acting, sessions, self._passkeys, self._cookie, encrypted, self._bare)
         self._new = FirstFiles(acting, self._shown)
@@ -139,7 +145,7 @@ class LaboratoryPages:
     # --- what is shown ----------------------------------------------------------------------------------------
 
     def _bare(self, template: str, status: int = 200, **values: Any) -> Response:
-        return Page(self._templates.get_template(template).render(**values), status)
+        return Page(_templates().get_template(template).render(**values), status)
 
     def _shown(self, template: str, session: Session, here: str, status: int = 200, **values: Any) -> Response:
         about = {"session": session, "here": here, "navigation": NAVIGATION, "lab": self._site.places.folder.name}
@@ -148,7 +154,7 @@ class LaboratoryPages:
     def _live(self, session: Session) -> str:
         """The part of the first page that changes."""
         tasks = self._site.for_person(session.login, session.person.roles)
-        template = self._templates.get_template("live.html.j2")
+        template = _templates().get_template("live.html.j2")
         return template.render(benches=self._site.benches(), tasks=tasks, session=session)
 
     async def _benches(self, _request: Request, session: Session) -> Response:

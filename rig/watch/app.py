@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -122,10 +123,6 @@ class Pages:
     ) -> None:
         self._shelf, self._pause, self._streams, self._acts, self._lasting = shelf, pause, streams, acts, lasting
         self._above, self._who = above, who
-        self._templates = jinja2.Environment(
-            loader=jinja2.PackageLoader("rig.watch"), autoescape=True, undefined=jinja2.StrictUndefined
-        )
-        self._templates.filters["utc"] = _utc
 
     def of_runs(self) -> list[Route]:
         """Routes of the page of a run, of its contents, and of its stream."""
@@ -140,7 +137,7 @@ class Pages:
         if self._shelf.only is not None:
             return RedirectResponse(f"/run/{quote(self._shelf.only, safe='')}", 307)
         entries = await to_thread.run_sync(self._shelf.entries)
-        return Page(self._templates.get_template("runs.html.j2").render(entries=entries))
+        return Page(_templates().get_template("runs.html.j2").render(entries=entries))
 
     async def run(self, request: Request) -> Response:
         """The page of one run; its contents come with the stream."""
@@ -148,7 +145,7 @@ class Pages:
         if self._shelf.feed(name) is None:
             return await not_found(request, None)
         alone = self._shelf.only is not None
-        return Page(self._templates.get_template("run.html.j2").render(name=name, alone=alone, above=self._above))
+        return Page(_templates().get_template("run.html.j2").render(name=name, alone=alone, above=self._above))
 
     async def state(self, request: Request) -> Response:
         """All contents of the page, once, as JSON."""
@@ -203,6 +200,15 @@ class Pages:
 async def not_found(_request: Request, _error: Exception | None) -> Response:
     """The answer to an unknown address."""
     return PlainTextResponse("There is no such page here; see / for the existing ones.\n", 404)
+
+
+@cache
+def _templates() -> jinja2.Environment:
+    found = jinja2.Environment(
+        loader=jinja2.PackageLoader("rig.watch"), autoescape=True, undefined=jinja2.StrictUndefined
+    )
+    found.filters["utc"] = _utc
+    return found
 
 
 def _utc(seconds: float) -> str:
