@@ -11,6 +11,7 @@ import queue
 import struct
 from collections import deque
 from collections.abc import Callable
+from functools import lru_cache
 from typing import TypeVar, cast
 
 import canopen
@@ -31,8 +32,9 @@ _DEVICE_TYPE = 0x1000  # every node has it (CiA 301)
 Answer = TypeVar("Answer")
 
 
+@lru_cache(maxsize=8)
 def read_eds(text: str, node: int) -> ObjectDictionary:
-    """The object dictionary that an electronic data sheet describes.
+    """The object dictionary that an electronic data sheet describes; nobody changes it.
 
     Args:
         text: the data sheet (CiA 306).

@@ -7,6 +7,7 @@ import struct
 from collections.abc import Mapping
 from configparser import RawConfigParser
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 _PACKING = {0x0002: "<b", 0x0003: "<h", 0x0004: "<i", 0x0005: "<B", 0x0006: "<H", 0x0007: "<I"}
 _VISIBLE_STRING = 0x0009
@@ -53,10 +54,17 @@ class EdsObject:
         return int(value)
 
 
-def read_eds(text: str, node: int) -> Mapping[Key, EdsObject]:
-    """All objects that hold a value, by index and subindex; `node` stands for $NODEID."""
+@lru_cache(maxsize=4)
+def _sections(text: str) -> RawConfigParser:
+    """The sections of a data sheet. Every node of every bench reads its own, of which there are few."""
     parser = RawConfigParser(inline_comment_prefixes=(";",))
     parser.read_string(text)
+    return parser
+
+
+def read_eds(text: str, node: int) -> Mapping[Key, EdsObject]:
+    """All objects that hold a value, by index and subindex; `node` stands for $NODEID."""
+    parser = _sections(text)
     found: dict[Key, EdsObject] = {}
     for section in parser.sections():
         match = _SECTION.fullmatch(section)
@@ -77,8 +85,7 @@ def read_eds(text: str, node: int) -> Mapping[Key, EdsObject]:
 
 def identified(objects: Mapping[Key, EdsObject], text: str) -> Mapping[Key, EdsObject]:
     """The objects, with those that a drive answers and many data sheets omit: profile, vendor and product."""
-    parser = RawConfigParser(inline_comment_prefixes=(";",))
-    parser.read_string(text)
+    parser = _sections(text)
     device = parser["DeviceInfo"] if parser.has_section("DeviceInfo") else {}
     own = {(0x1000, 0): _DRIVE}
     for subindex, name in ((1, "vendornumber"), (2, "productnumber"), (3, "revisionnumber")):
