@@ -141,6 +141,7 @@ def _roles(table: Table, roles: Roles, formula: Formula, response: Formula) -> t
         date=roles.date,
         date_order=roles.date_order,
         blocks=(*((roles.replicate,) if roles.replicate else ()), *roles.whole_plot),
+        response=tuple(response.names)[:1] if len(response.names) == 1 else (),
     )
     time, along = time_of(table, parts, notes)
     order = np.arange(len(table)) if time is None else np.argsort(time.values, kind="stable")

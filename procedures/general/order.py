@@ -43,6 +43,7 @@ class Parts:
         date: column of the dates of a time of day; None if there is none.
         date_order: of day and month in dates; None if dates must show it.
         blocks: columns in whose levels an order may begin anew.
+        response: its columns.
     """
 
     settings: tuple[str, ...]
@@ -53,6 +54,7 @@ class Parts:
     date: str | None = None
     date_order: str | None = None
     blocks: tuple[str, ...] = ()
+    response: tuple[str, ...] = ()
 
 
 def time_of(table: Table, parts: Parts, notes: list[str]) -> tuple[Timeline | None, bool]:
@@ -139,6 +141,10 @@ def _sorted_by(table: Table, parts: Parts) -> str | None:
     for name in parts.free:
         v = table.columns[name]
         if np.all(v == np.round(v)) and 1 < len(np.unique(v)) <= len(v) // 3 and np.all(np.diff(v) >= 0):
+            return name
+    for name in parts.response:  # a list of readings by size; a drift without any scatter would look like this, too
+        step = np.diff(table.columns.get(name, np.empty(0)))
+        if step.size and (np.all(step >= 0) or np.all(step <= 0)):
             return name
     return None
 

@@ -48,6 +48,7 @@ CASES = {
     "nottem": ("value", "1", "--time time", {"oscillation:time"}),
     "sleep": ("extra", "1 + C(group)", "--group ID", {"group-offset:ID"}),
     "newcomb": ("dat", "1", "", {"outliers"}),
+    "abbey": ("dat", "1", "", {"outliers"}),
     "forbes": ("log(pres)", "1 + bp", "", {"outliers"}),
     "kootenay": ("Newgate", "1 + Libby", "", {"outliers"}),
     "telef": ("Calls", "1 + Year", "", {"outliers"}),
@@ -103,6 +104,17 @@ def test_a_name_with_which_left_out_data_are_predicted_worse_is_doubtful():
     sensor = traced("alaska", "log(field)", "1 + log(lab)", "--group batch")
     assert sensor["verdict"] != "explained"
     assert all(one["doubtful"] for one in sensor["effects"] if one["stratum"] != "noise")
+
+
+def test_what_is_nearest_to_significance_is_told_where_nothing_was_found():
+    """Peas in blocks: p = 0.016 of the blocks by themselves, and more among all effects that are tried."""
+    sensor = traced("npk", "yield", "1 + N + P + K", "--group block")
+    assert any(note.startswith("nearest to an effect comes group-offset:block, p = 0.0") for note in sensor["notes"])
+
+
+def test_readings_that_were_sorted_by_size_are_in_no_order_of_measurement():
+    """Nickel in rock: a curve over the rows was named, and neighbours were alike."""
+    assert list(doubts("abbey", *CASES["abbey"][:3])) == ["outliers"]
 
 
 def test_the_screen_says_when_a_step_was():

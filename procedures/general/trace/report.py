@@ -10,6 +10,7 @@ from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.effects.noise_names import AUTOCORRELATION
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import DELTA
+from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.doubts import (
     MANY,
     beside_a_wander,
@@ -21,6 +22,7 @@ from rig.fitter.trace.doubts import (
 from rig.fitter.trace.drawn import drawn_instead
 from rig.fitter.trace.engine.both import Both
 from rig.fitter.trace.engine.components import Components
+from rig.fitter.trace.engine.judge import MANY as SIMULATED
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.noise import Wandering
 from rig.fitter.trace.engine.shared import Shared
@@ -51,6 +53,8 @@ WANDER = "slow-wander"
 ANOTHER_ORDER = "measure in another order, or up and down: what goes with time then comes elsewhere"
 ORDER = "order"
 """Column of the executed position."""
+NEAREST = 0.1
+"""Largest p of an effect that is told as the nearest to significance, where nothing was found."""
 CONSTANT = 0.99
 """Share of a column between whole plots from which it counts as constant in them."""
 
@@ -125,6 +129,7 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
         notes=(
             *few_plots(found, data),
             *_remarks(found, data, after),
+            *(_nearest(judge) if not chosen and not left and not noise else ()),
             *_not_predicted(lost),
             *((CONDITIONAL, UNSIGNED) if effects else ()),
             *of_left_out(
@@ -324,6 +329,13 @@ def _shares(
     beyond = [part - view.basis @ (view.basis.T @ part) for part in parts]
     residual = white - view.basis @ (view.basis.T @ white)
     return shares(beyond, residual, df * variance * (1.0 - unnamed))
+
+
+def _nearest(judge: TableJudge) -> Iterator[str]:
+    """The effect nearest to significance in a table in which nothing was found."""
+    few = judge.problem.n < SIMULATED  # beyond, p of what is not near enough is not known without a simulation
+    for name, p in judge.suspects((), NEAREST)[:1] if few else ():
+        yield f"nearest to an effect comes {name}, p = {p:.2g} over all that are tried: below {ALPHA:g} it is found"
 
 
 def _not_predicted(rows: int) -> Iterator[str]:
