@@ -106,6 +106,11 @@ def test_a_name_with_which_left_out_data_are_predicted_worse_is_doubtful():
     assert all(one["doubtful"] for one in sensor["effects"] if one["stratum"] != "noise")
 
 
+def test_a_row_that_may_be_off_by_chance_is_not_told_beside_a_curve_without_a_name():
+    """Row 54 was, p = 0.015 beside a straight line, where a curve is missing."""
+    assert "outliers" not in doubts("fruitohms", *CASES["fruitohms"][:3])
+
+
 def test_what_is_nearest_to_significance_is_told_where_nothing_was_found():
     """Peas in blocks: p = 0.016 of the blocks by themselves, and more among all effects that are tried."""
     sensor = traced("npk", "yield", "1 + N + P + K", "--group block")

@@ -57,13 +57,14 @@ def noise_findings(
         shape: whether the residual follows one: rows that are far from the model are a part of it.
         sure: whether a name rests on more than a few rows: such rows may be a part of what it explains.
     """
-    data = looked.data
+    data, wander = looked.data, _wander(judge, chosen, looked)
+    hidden = sure or shape or (wander is not None and looked.p > LEVEL)
     every = (
-        _wander(judge, chosen, looked),
+        wander,
         _growing(judge, chosen, growth, data),
         _found_by_fit(judge, looked)
         if looked.dropped
-        else _alone(judge, chosen, data) or (None if sure or shape else _found_by_fit(judge, looked)),
+        else _alone(judge, chosen, data) or (None if hidden else _found_by_fit(judge, looked)),
         _rounded(judge, chosen, data),
         _by_hand(judge, chosen, data),
     )
