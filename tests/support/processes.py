@@ -48,11 +48,11 @@ class Processes:
         processes, at = [], {}
         for k in range(self._count):
             pipe, theirs = context.Pipe(duplex=False)
-            process = context.Process(target=_work, args=(session, [*files.values()], given, folder / str(k), theirs))
-            process.start()
-            theirs.close()  # so that the pipe ends with the process
-            processes.append(process)
             at[pipe] = ""
+            work = (session, [*files.values()], given, folder / str(k), [*at], theirs)
+            processes.append(context.Process(target=_work, args=work))
+            processes[-1].start()
+            theirs.close()  # so that the pipe ends with the process
         try:
             finished = _report(session, at)
         except BaseException:
@@ -61,7 +61,8 @@ class Processes:
             raise
         finally:
             for process in processes:
-                process.join()
+                process.join(10.0)
+                process.kill()  # a test may have left a handler of the signal, or a thread that does not end
         if finished < len(session.items):
             died = [name for name in at.values() if name]
             session.shouldfail = f"{len(session.items) - finished} tests have no result: processes died at {died}"
@@ -100,9 +101,16 @@ def _report(session: pytest.Session, at: dict[Connection, str]) -> int:
 
 
 def _work(
-    session: pytest.Session, files: list[list[pytest.Item]], given: Synchronized[int], folder: Path, pipe: Connection
+    session: pytest.Session,
+    files: list[list[pytest.Item]],
+    given: Synchronized[int],
+    folder: Path,
+    read: list[Connection],
+    pipe: Connection,
 ) -> None:
     """Run tests in a process of its own, file by file, until none is left."""
+    for end in read:
+        end.close()  # or nothing would tell this process that nobody reads what it says
     config = session.config
     config._tmp_path_factory._basetemp = folder  # type: ignore[attr-defined]
     folder.mkdir()
@@ -124,7 +132,7 @@ def _work(
                 return
             yield from files[place]
 
-    with suppress(KeyboardInterrupt):
+    with suppress(KeyboardInterrupt, BrokenPipeError):
         for item, following in itertools.pairwise(itertools.chain(handed_out(), [None])):
             assert item is not None
             item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
