@@ -10,6 +10,7 @@ from scipy import special
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.doubts import rests_on
+from rig.fitter.trace.engine.judge import MANY
 from rig.fitter.trace.engine.problem import Problem
 from rig.fitter.trace.search import names_of
 from rig.procedures.general.gross import of_table
@@ -36,7 +37,8 @@ class Searched:
         found: the result.
         data: the table, with a column of its own for each row that is apart.
         problem: of this table.
-        apart: (m,) rows that are gross errors beside the declared model, farthest first, or perhaps are.
+        apart: (m,) rows that are gross errors beside the declared model, farthest first; in a table of no more than
+            a thousand rows also those that perhaps are.
         distance_sd: (m,) their distances.
         off: (m,) the same in units of the response.
         p: probability that a clean table has such a row.
@@ -61,10 +63,9 @@ def searched(data: TableData) -> Searched:
     """
     problem = problem_of(data)
     found = search_table(data, problem)
-    gross = perhaps = of_table(data.y, data.columns, data.shared, level=ALPHA)
-    if perhaps.rows.size:
-        gross = of_table(data.y, data.columns, data.shared)
-    told = gross if gross.rows.size else perhaps
+    gross = told = of_table(data.y, data.columns, data.shared)
+    if not gross.rows.size and len(data.y) < MANY:
+        told = of_table(data.y, data.columns, data.shared, level=ALPHA)
     plain = Searched(found, data, problem, told.rows, told.distance_sd, told.off, told.p)
     names = names_of(found.judge.candidates, found.chosen)
     constants = {
