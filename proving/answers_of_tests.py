@@ -1,6 +1,6 @@
 """A plug-in of pytest: keeps what the tests print as JSON, to compare two states of the program.
 
-ANSWERS=FOLDER .venv/bin/pytest -p proving.answers_of_tests --processes 2 -q, then `proving.same_answers compare`.
+ANSWERS=FOLDER .venv/bin/pytest -p proving.answers_of_tests -n 2 -q, then `proving.same_answers compare`.
 """
 
 from __future__ import annotations

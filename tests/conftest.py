@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-# Before anything imports numpy: matrices here are narrow, and threads that spin beside other tests cost minutes.
+# Before anything imports numpy: matrices here are narrow, and threads that spin beside two test workers cost minutes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # What a terminal ignores for its background processes, the controllers that tests start would ignore as well.
@@ -20,16 +20,15 @@ for ignored in (signal.SIGHUP, signal.SIGINT):
     if signal.getsignal(ignored) is signal.SIG_IGN:
         signal.signal(ignored, signal.SIG_DFL if ignored is signal.SIGHUP else signal.default_int_handler)
 
-# Where bytecode is not kept, the sixty processes that tests start compile the project again each; and
+# Where bytecode is not kept, three workers and sixty processes compile the project and these tests again each; and
 # Hypothesis, if it comes before this.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 from hypothesis import settings  # noqa: E402
 from hypothesis.internal.conjecture import providers  # noqa: E402
-from processes import Processes  # noqa: E402
 
-# All modules would be read for their constants, for 7 s, and a number changed anywhere would change examples.
+# Every worker would read all modules for their constants, for 7 s, and a number changed anywhere would change examples.
 providers._get_local_constants = lambda: providers._local_constants
 
 # Seeded by the test's own name: a failure on one machine is the same failure on another.
@@ -44,14 +43,7 @@ LONG = Path(__file__).parent / "long.txt"
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Options of these tests."""
     parser.addoption("--quick", action="store_true", help="leave out the tests of tests/long.txt")
-    parser.addoption("--processes", type=int, default=0, help="run the tests in so many processes")
     parser.addoption("--processor-times", type=Path, help="add the processor time of every test to this file")
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Several processes, where so many are asked for."""
-    if count := config.getoption("--processes"):
-        config.pluginmanager.register(Processes(count))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
