@@ -65,7 +65,8 @@ def tables():
             said = [w for k, v in options(lab).items() for one in (v if isinstance(v, tuple) else (v,))
                     for w in (f"--{k.replace('_', '-')}", one)]  # fmt: skip
             begin = os.times()
-            subprocess.run(["rig", "trace", table, "--json", *said], check=True, stdout=subprocess.DEVNULL)
+            command = [sys.executable, "-m", "rig", "trace", table, "--json", *said]
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
             end = os.times()
             seconds = end.children_user + end.children_system - begin.children_user - begin.children_system
             print(f"{name:46s} {seconds:5.1f} s", flush=True)
