@@ -1,6 +1,8 @@
 """Microseconds of processor time an exchange in process: driver, wire, twin and physics together.
 
-python benchmarks/bench_exchange.py
+python -m benchmarks.bench_exchange
+
+Last come ratios: drivers of files against drivers written by hand that send the same bytes (`by_hand.py`).
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ import time
 from collections.abc import Callable
 from importlib.resources import files
 
+from benchmarks import by_hand
 from rig.bench.plugins import driver_class
 from rig.drivers.keysight_34970a import Keysight34970A
 from rig.drivers.newport_esp301 import NewportESP301
@@ -86,6 +89,7 @@ def main() -> None:
     before = enclosure._line.exchanges
     enclosure.read()
     report("F4T: read()", enclosure.read, enclosure._line.exchanges - before, 2000)
+    by_hand.ratios()
 
 
 if __name__ == "__main__":

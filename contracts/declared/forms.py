@@ -18,6 +18,7 @@ from itertools import pairwise
 _HOLE = re.compile(r"\{\{|\}\}|\{([A-Za-z_][A-Za-z0-9_]*)?(?::([^{}]*))?\}|[{}]")
 _SPEC = re.compile(r"(<)?(\+)?(0)?([1-9][0-9]?)?(?:([.,])([0-9]{1,2}))?([dx]|e2?)?")
 _ANY_NUMBER = r"[+-]? *(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[Ee][+-]?[0-9]{1,3})?"
+_WHOLE_NUMBER = re.compile(_ANY_NUMBER, re.ASCII)
 TEXTS = {
     "unit": r"[A-Za-z%*\u00b0\u00b5\u03a9\u03bc\u2126][A-Za-z0-9%/*^._ \u03a9\u2126-]*?",
     "text": r".*?",
@@ -102,16 +103,26 @@ class Field:
 
     def read(self, text: str, *, signed: bool = False) -> float:
         """The finite number in a text; a hexadecimal one may be `signed`, a two's complement. Raises `ValueError`."""
-        text = text.replace(" ", "").replace(",", "." if self.comma else ",")
+        text = text.replace(" ", "")
+        if self.comma:
+            text = text.replace(",", ".")
         if self.kind == "x":
             number, bits = int(text, 16), 4 * (self.width or len(text))
             return float(number - (1 << bits) if signed and number >> (bits - 1) & 1 else number)
-        if not re.fullmatch(_ANY_NUMBER, text, re.ASCII):
+        if not _WHOLE_NUMBER.fullmatch(text):
             raise ValueError(f"{text!r} is not a number")
         value = float(text)
         if not math.isfinite(value):
             raise ValueError(f"{text!r} is not a finite number")
         return value
+
+    @cached_property
+    def _spec(self) -> str:
+        """How Python formats its numbers."""
+        digits = 9 if self.decimals < 0 and self.kind[:1] == "e" else self.decimals
+        decimals = f".{digits}" if digits >= 0 and self.kind not in ("d", "x") else ""
+        kind = {"": "f", "e": "E", "d": "d", "x": "X"}[self.kind[:1]]
+        return f"{'<' * self.left}{'+' * self.sign}{'0' * self.zeros}{self.width or ''}{decimals}{kind}"
 
     def write(self, value: float | str) -> str:
         """A value as it is printed."""
@@ -125,14 +136,8 @@ class Field:
                     raise ValueError(f"{value} does not fit into {self.width} hexadecimal digits")
         elif self.decimals >= 0:
             value = round(value, self.decimals) + 0.0 if self.kind[:1] != "e" else value
-        digits = 9 if self.decimals < 0 and self.kind[:1] == "e" else self.decimals
-        decimals = f".{digits}" if digits >= 0 and self.kind not in ("d", "x") else ""
         if self.kind or self.decimals >= 0:
-            kind = {"": "f", "e": "E", "d": "d", "x": "X"}[self.kind[:1]]
-            align = "<" if self.left else ""
-            plus = "+" if self.sign else ""
-            zeros = "0" if self.zeros else ""
-            printed = f"{value:{align}{plus}{zeros}{self.width or ''}{decimals}{kind}}"
+            printed = format(value, self._spec)
             return printed.replace(".", ",") if self.comma else printed
         text = f"{value:{'+' if self.sign else ''}.9g}"
         return text.zfill(self.width) if self.zeros else text.rjust(self.width)
@@ -178,6 +183,12 @@ class Form:
         return re.compile(self.pattern(strict=True), re.ASCII)
 
     @cached_property
+    def _inner(self) -> dict[str, re.Pattern[str]]:
+        """Patterns of fields with a width, without the spaces of it."""
+        wide = {name: field.pattern(self._words) for name, field in self.fields.items() if field.width}
+        return {name: re.compile(pattern, re.ASCII) for name, pattern in wide.items()}
+
+    @cached_property
     def _free(self) -> re.Pattern[str]:
         return re.compile(self.pattern(strict=False), re.ASCII | re.IGNORECASE)
 
@@ -212,10 +223,8 @@ class Form:
         if found is None:
             return None
         fields = {name: text.strip() for name, text in found.groupdict().items()}
-        if strict:
-            for name, field in self.fields.items():
-                if field.width and not re.fullmatch(field.pattern(self._words), fields[name], re.ASCII):
-                    return None
+        if strict and not all(pattern.fullmatch(fields[name]) for name, pattern in self._inner.items()):
+            return None
         return fields
 
     def otherwise(self, line: str) -> dict[str, str] | None:
@@ -239,12 +248,18 @@ class Form:
 
     def write(self, values: Mapping[str, float | str]) -> str:
         """The line with these fields; any text is left out, or a stroke where a space would end the line."""
+        return "".join(
+            [
+                part if isinstance(part, str) else part.write(values[part.name]) if part.name else self._left_out(part)
+                for part in self.parts
+            ]
+        )
+
+    def _left_out(self, part: Field) -> str:
+        """Any text as it is written."""
         ends = (self.parts[:2], self.parts[-2:][::-1])
         bare = [end[0] for end in ends if len(end) == 2 and isinstance(end[1], str) and " " in (end[1][0], end[1][-1])]
-        return "".join(
-            part if isinstance(part, str) else part.write(values[part.name]) if part.name else "-" * (part in bare)
-            for part in self.parts
-        )
+        return "-" * (part in bare)
 
     def filled(self, known: Mapping[str, str | float]) -> Form:
         """The same with known fields as texts."""

@@ -50,6 +50,10 @@ class LinesTalk(Talk):
         super().__init__(table, clock, self.line.where)
         self._frames = wire.frames(parameters)
         self._end = wire.reply_end or wire.send_end
+        # whether a line goes out and comes in as it is
+        self._bare = not (
+            self._shared or self._frames or wire.request != "{line}" or wire.read or wire.echo or wire.by_frame
+        )
         self._begun = False
         self._whole_once: set[str] = set()  # questions after whose answer nothing came
         serial = settings.serial and self.line.rs232
@@ -138,6 +142,9 @@ class LinesTalk(Talk):
     ) -> str:
         """The answer to a line. Raises `NoReply`, `BadReply`."""
         self._begin()
+        if self._bare and frame is None:
+            found = self.line.query_lines(line, lines, timeout_s, repeat=repeat)
+            return found[0] if lines == 1 else " ".join(found)
         sent = self.table.wire.with_reads(self._framed(line, frame), lines)
         if not self.table.wire.echo:
             whole = partial(self._whole, lines=lines) if self.table.wire.by_frame else None

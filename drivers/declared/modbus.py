@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
+from dataclasses import dataclass
+from struct import Struct
 
 from rig.contracts.declared.exchanges import Ask, Register, Tell
 from rig.contracts.declared.instrument import Instrument
@@ -14,7 +16,21 @@ from rig.drivers.errors import BadReply, InstrumentError, LimitError
 from rig.drivers.wires import Wires
 
 _FORMATS = {"int16": ">h", "uint16": ">H", "int32": ">i", "uint32": ">I", "float32": ">f"}
-_WHOLE = ("int16", "uint16", "int32", "uint32")
+
+
+@dataclass(slots=True)
+class _Place:
+    """Where a number is, and how it is read; the last one and its meaning: settings are read alike."""
+
+    of: Register
+    number: int
+    count: int
+    words: Struct
+    value: Struct
+    bit: bool
+    whole: bool
+    direct: bool
+    last: tuple[float, Answer] | None = None
 
 
 class ModbusTalk(Talk):
@@ -35,6 +51,7 @@ class ModbusTalk(Talk):
         self.line = wires.modbus(address, name, table.wire.timeout_s)
         super().__init__(table, clock, self.line.where)
         self._big = table.wire.word_order == "big"
+        self._places_read: dict[int, _Place] = {}
 
     def _format(self, one: Register) -> str:
         return _FORMATS[one.type if one.type in _FORMATS else self.table.wire.type]
@@ -53,32 +70,47 @@ class ModbusTalk(Talk):
         except ValueError as error:
             raise BadReply(f"{self.where}: register {error}") from None
 
-    def _read(self, one: Register) -> float:
+    def _place(self, one: Register) -> _Place:
+        """A number's place, which is made at its first use."""
+        value, bit = Struct(self._format(one)), one.table in ("coil", "discrete")
+        count = 1 if bit else value.size // 2
+        whole = not bit and (one.type or self.table.wire.type) not in ("bit", "float32")
+        direct = bit or value.format == ">H"
+        found = _Place(one, self._number(one.register_), count, Struct(f">{count}H"), value, bit, whole, direct)
+        self._places_read[id(one)] = found
+        return found
+
+    def _read(self, place: _Place) -> float:
         self.paced()
-        number = self._number(one.register_)
-        if one.table in ("coil", "discrete"):
-            return float(self.line.read(number, table=one.table)[0])
-        form = self._format(one)
-        words = self.line.read(number, struct.calcsize(form) // 2, table=one.table)
-        (value,) = struct.unpack(form, struct.pack(f">{len(words)}H", *(words if self._big else reversed(words))))
-        return float(value)
+        words = self.line.read(place.number, place.count, place.of.table)
+        if place.direct:
+            return float(words[0])
+        return float(place.value.unpack(place.words.pack(*(words if self._big else reversed(words))))[0])
 
     def once(self, ask: Ask, holes: Holes = NOTHING, timeout_s: float | None = None, *, repeat: bool = True) -> Answer:
         """Read a register. Raises `NoReply`, `BadReply`, `InstrumentError`."""
-        number = self._read(ask)
+        place = self._places_read.get(id(ask)) or self._place(ask)
+        number = self._read(place)
+        if place.last is not None and place.last[0] == number:
+            return place.last[1]
         finite = math.isfinite(number)
         printed = f"{number:.9g}" if not math.isnan(number) else "NaN"
-        meaning = self.meant(ask, printed, number if finite else None)
+        meaning = self.meant(ask, printed, number if finite else None) if ask.words or self.table.words else ""
         if math.isinf(number):
             meaning = meaning or "overload"  # IEEE 754 has it for what is beyond a range
         elif not finite and not meaning:  # its checksum is right: no reading repeated would have a number
             raise InstrumentError(f"{self.where}, asked {ask.said!r},", 0, "NaN, no number: has it no sensor there?")
-        if ask.bit is not None or ask.type == "bit" or ask.table in ("coil", "discrete"):
+        if place.bit or ask.bit is not None or ask.type == "bit":
             meaning = meaning or ("on" if int(number) >> (ask.bit or 0) & 1 else "off")
-        value = ask.quantity(number) * self._places(ask)
-        if (ask.type or self.table.wire.type) in _WHOLE and ask.table in ("holding", "input") and ask.bit is None:
+        value = ask.quantity(number)
+        if ask.decimals is not None:
+            value *= self._places(ask)
+        if place.whole and ask.bit is None:
             self.printed[id(ask)] = printed, value
-        return Answer({"value": printed}, value, meaning, printed)
+        found = Answer({"value": printed}, value, meaning, printed)
+        if ask.decimals is None:
+            place.last = number, found
+        return found
 
     def tell(self, tell: Tell, holes: Holes = NOTHING, *, checked: bool = True) -> None:
         """Write a register. Never repeated. Raises `InstrumentError`."""

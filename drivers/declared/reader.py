@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from rig.contracts.declared.exchanges import Ask
 from rig.contracts.declared.roles import Channel, Reader
@@ -179,21 +178,20 @@ class DeclaredReader(Declared):
         """Readings of one channel after choosing it."""
         ask = one.reading or self._reader.reading
         assert ask is not None
-        holes = {"channel": one.is_ or name}
-        for command in self._reader.select:
+        reader, holes = self._reader, {"channel": one.is_ or name}
+        for command in reader.select:
             self._talk.tell(command, holes)
-        if self._reader.settle_s:
-            self._clock.sleep(self._reader.settle_s)
-        if self._reader.confirm is not None:
-            self._talk.ask(self._reader.confirm, holes)
-        for _ in range(self._reader.discard):
+        if reader.settle_s:
+            self._clock.sleep(reader.settle_s)
+        if reader.confirm is not None:
+            self._talk.ask(reader.confirm, holes)
+        for _ in range(reader.discard):
             self._taken(ask, holes)
         return [self._read(ask, one, self._taken(ask, holes)) for _ in range(count)]
 
     def _taken(self, ask: Ask, holes: Mapping[str, float | str]) -> Answer:
         """An answer that is stable, as the file demands. Raises `NotReady` if none becomes so."""
-        reader = self._reader
-        end = self._clock.now() + reader.patience_s
+        reader, began = self._reader, self._clock.now()
         timeout_s = (reader.reading_s * 1.25 + self.table.wire.timeout_s) if reader.reading_s else None
         while True:
             self._number()
@@ -201,7 +199,7 @@ class DeclaredReader(Declared):
             unstable = found.meaning == "unstable" and reader.unstable == "wait"
             if not unstable and found.meaning != "busy":
                 break
-            if self._clock.now() >= end:
+            if self._clock.now() >= began + reader.patience_s:
                 raise NotReady(
                     f"{self._where} had no stable reading for {reader.patience_s:g} s, last {found.printed!r}"
                 )
@@ -248,7 +246,7 @@ class DeclaredReader(Declared):
         words = found.fields["values"].split(",") if "values" in found.fields else [found.fields.get("value", "")]
         if len(words) != wanted:
             raise self._talk.bad(fetch, found.printed, f"{wanted} numbers")
-        values: list[Any] = [self._value(word.strip(), fetch.quantity(float(word))) for word in words]
+        values = [self._value(word.strip(), fetch.quantity(float(word))) for word in words]
         return {name: values[n :: len(self._channels)] for n, name in enumerate(self._channels)}
 
     def make_safe(self) -> None:

@@ -156,7 +156,7 @@ class Talk(ABC):
         """Whether an answer is a number or a text, or means it."""
         if isinstance(wanted, str):
             return wanted in (found.printed, found.meaning or None)
-        return agrees(found.printed, wanted) or agrees(f"{found.value!r}", wanted)
+        return found.value == wanted or agrees(found.printed, wanted) or agrees(f"{found.value!r}", wanted)
 
     def meant(self, ask: Ask, printed: str, number: float | None, holes: Holes = NOTHING) -> str:
         """Meaning of a word or number. Raises `InstrumentError` if it means an error."""

@@ -6,7 +6,8 @@ import contextlib
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.forms import TEXTS, Form, step_of
@@ -23,13 +24,16 @@ _PERIODS = 3  # a line that is torn, one that is lost, and one more
 _MOST_ERRORS = 32  # chosen: a queue that does not end is a garbled answer
 
 
-class _Compiled(NamedTuple):
-    """A question or command with its forms made once."""
+@dataclass(slots=True)
+class _Compiled:
+    """A question or command with its forms made once, and the last answer: settings are answered alike."""
 
+    of: Ask | Tell
     request: Form
     fixed: str | None
     answers: tuple[Form, ...]
     frame: Frame | None
+    last: tuple[str, Answer] | None = None
 
 
 class TextTalk(LinesTalk):
@@ -57,7 +61,7 @@ class TextTalk(LinesTalk):
             request = self._form(line or "")
             fixed = None if request.fields else request.write({})
             frame = self.table.wire.framed(one.frame, self._parameters) if one.frame is not None else None
-            found = _Compiled(request, fixed, tuple(self._form(form, words) for form in forms), frame)
+            found = _Compiled(one, request, fixed, tuple(self._form(form, words) for form in forms), frame)
             self._compiled[id(one)] = found
         return found
 
@@ -98,13 +102,19 @@ class TextTalk(LinesTalk):
 
     def read(self, ask: Ask, raw: str, holes: Holes = NOTHING) -> Answer:
         """The meaning of an answer. Raises `BadReply`, `InstrumentError`."""
-        compiled, raw = self._of(ask), self._parsed(ask, raw)
+        compiled = self._of(ask)
+        if compiled.last is not None and compiled.last[0] == raw:
+            return compiled.last[1]
+        said, raw = raw, self._parsed(ask, raw)
         for form in compiled.answers:
             fields = form.read(raw)
             if fields is not None:
                 if ask is self.table.identity:
                     fields = self._only(ask, form, fields, raw)
-                return self._meaning(ask, form, fields, raw, holes)
+                found = self._meaning(ask, form, fields, raw, holes)
+                if not holes and not self.hooks:
+                    compiled.last = said, found
+                return found
         self._refused(ask.said, raw)
         raise self.bad(ask, raw, " or ".join(f"an answer as in {text!r}" for text in self._forms(ask)))
 
