@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.confirm.question import Hypothesis
 from rig.fitter.confirm.together import Candidates, Together, left, solve
@@ -92,7 +93,7 @@ def _profiled(
     reach = np.log(REACH) if log else profile.high - profile.low
     grid = np.linspace(middle - reach, middle + reach, TRIED)
     costs = np.array([cost(u) for u in grid])
-    nearest = int(np.argmin(costs))
+    nearest = ties.lowest(costs)
     around = float(grid[max(nearest - 1, 0)]), float(grid[min(nearest + 1, TRIED - 1)])
     best = least(cost, *around).x
     most = cost(best) + t**2

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.confirm.compare import Comparison, fitted_again, lasting, nuisance
 from rig.fitter.confirm.constants import Sizes, around, sizes_alone, with_constants
@@ -247,7 +248,7 @@ def confirm(both: Together, question: Question) -> Confirmation:
         both = both.only(kept)
     comparison = Comparison(both, question)
     told = comparison.apart(both.outputs[:, None])
-    together = _with_pair(both, question, int(np.argmin(told.behind[:, 0])))
+    together = _with_pair(both, question, ties.lowest(told.behind[:, 0]))
     if together is not None:
         question = together
         comparison = Comparison(both, question)
@@ -282,7 +283,7 @@ def _with_pair(both: Together, question: Question, best: int) -> Question | None
         return None
     tried = replace(question, members=(one, *pairs))
     costs = Comparison(both, tried).apart(both.outputs[:, None]).costs[:, 0]
-    at = int(np.argmin(costs))
+    at = ties.lowest(costs)
     if at == 0 or costs[0] - costs[at] <= t_limit(DISTINGUISHED, both.df) ** 2:
         return None
     return replace(question, members=(*question.members, tried.members[at]))

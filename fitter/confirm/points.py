@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.confirm.compare import NOTHING, Pair, fitted_again
 from rig.fitter.confirm.minor_causes import notable
@@ -188,7 +189,7 @@ class Points:
             while chosen.sum() > count:
                 units = np.flatnonzero(chosen)
                 some = max(1, min(units.size - count, int(AT_ONCE * units.size)))
-                chosen[units[np.argsort(self._worth(chosen, units))[:some]]] = False
+                chosen[units[ties.descending(-self._worth(chosen, units))[:some]]] = False
             left.append(Choice(self, chosen.copy()))
             if left[-1].sigmas < SHORT * least:
                 left.pop()
@@ -199,15 +200,15 @@ class Points:
         """One unit after the other replaced by a better one, until none is."""
         for _ in range(EXCHANGES):
             units = np.flatnonzero(chosen)
-            worst = int(units[np.argmin(self._worth(chosen, units))])
+            worst = int(units[ties.lowest(self._worth(chosen, units))])
             without = chosen.copy()
             without[worst] = False
             others = np.flatnonzero(~without)
-            best = int(others[np.argmax(self._worth(without, others))])
+            best = int(others[ties.highest(self._worth(without, others))])
             if best == worst:
                 return chosen
             without[best] = True
-            if self._soft(without) <= self._soft(chosen):
+            if not ties.below(self._soft(chosen), self._soft(without)):
                 return chosen
             chosen = without
         return chosen

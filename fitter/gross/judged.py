@@ -8,6 +8,7 @@ import numpy as np
 from scipy import special
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.gross.rows import Rows
 
@@ -82,7 +83,7 @@ def judged(rows: Rows, out: IntArray, floor: float, level: float, responses: int
     steps = _taken_back(rows, out, taken, floor)
     squares = np.array([step.rss for step in steps])
     evidence = _evidence(squares, giants, n, rows.df, floor)
-    count = giants + int(np.argmin(evidence[giants : max(giants, most) + 1]))
+    count = giants + ties.lowest(evidence[giants : max(giants, most) + 1])
     p = float(np.exp(min(evidence[count], 0.0))) * responses
     found = _each_by_itself(steps, taken, n, rows.df, level, responses)
     final = steps[found.out.size]
@@ -95,7 +96,7 @@ def judged(rows: Rows, out: IntArray, floor: float, level: float, responses: int
             found = _found(final, taken, min(p, float(each.min())))
     squares[found.out.size] = final.rss
     evidence = _evidence(squares, found.out.size, n, rows.df, floor)[found.out.size : max(found.out.size, most) + 1]
-    further = int(np.argmin(evidence))
+    further = ties.lowest(evidence)
     if evidence[further] + np.log(responses) < np.log(level):
         doubtful = _deviating(steps, found.out.size + further, found.out.size, rows.df) - found.out.size
         return replace(found, doubtful=doubtful)
@@ -124,7 +125,7 @@ def _tails(step: _Step, df: int) -> FloatArray:
 
 
 def _found(step: _Step, taken: FloatArray, p: float) -> Found:
-    ahead = np.argsort(-np.abs(step.distance))
+    ahead = ties.descending(np.abs(step.distance))
     out = step.out[ahead]
     return Found(out, step.distance[ahead], step.off[ahead] + taken[out], p, step.sigma)
 
@@ -138,7 +139,7 @@ def _taken_back(rows: Rows, out: IntArray, taken: FloatArray, floor: float) -> l
         steps.append(step)
         if not out.size:
             return steps[::-1]
-        back = int(np.argmin(np.abs(step.distance)))
+        back = ties.lowest(np.abs(step.distance))
         # adding a row: the inverse of the smaller block, by the matrix inversion lemma
         row = inverse[back]
         inverse = np.delete(np.delete(inverse - np.outer(row, row) / row[back], back, 0), back, 1)

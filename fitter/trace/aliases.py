@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.effects.entry import Entry
 from rig.fitter.trace.signs import SURE, Impossible, impossible
@@ -40,8 +41,6 @@ price of a column.
 
 NOTHING_LEFT = 1e-3
 """A candidate with a smaller remaining share beside the others at a level cannot be judged there."""
-ROUNDING = 1e-9
-"""Prices that differ by less, or by less than this share, are equal: the first in the catalogue counts."""
 APART = 1e-14
 """Largest cosine between columns that are orthogonal but for rounding."""
 FEW = 4
@@ -147,7 +146,14 @@ def rivals(
         if wrong and price - best <= DELTA:
             found = [rival for rival in found if rival.effect != name]
             found.append(replace(_rival(candidates, (fit, max(price, best)), best, searched), refused=wrong))
-    return tuple(sorted(found, key=lambda rival: (bool(rival.refused), rival.sigmas)))
+    return best_first(found)
+
+
+def best_first(found: Sequence[Rival]) -> tuple[Rival, ...]:
+    """Explanations in order of their price, those that are refused last; equals stay in their order."""
+    price = np.array([np.sign(rival.sigmas) * rival.sigmas**2 for rival in found])
+    ordered = [found[k] for k in ties.descending(-price)]
+    return tuple(sorted(ordered, key=lambda rival: bool(rival.refused)))
 
 
 def _rival(
@@ -155,7 +161,7 @@ def _rival(
 ) -> Rival:
     terms, price = fit
     name = candidates[terms[0]].effect.name
-    behind = price - best if price - best > ROUNDING * (1.0 + abs(best)) else 0.0
+    behind = price - best if ties.below(best, price) else 0.0
     return Rival(name, terms, float(np.sqrt(behind)), name in searched)
 
 
@@ -348,14 +354,14 @@ def _path(products: Products, units: Sequence[tuple[int, ...]], *, searched: boo
     prices = (yield units).copy()
     if searched:
         least = float(np.min(prices))
-        best = int(np.argmax(prices <= least + ROUNDING * (1.0 + abs(least))))
+        best = ties.lowest(prices)
         return {tuple(sorted(units[best])): float(prices[best]) + PER_COLUMN} if least < np.inf else path
     part = products.parts(units)
     taken: tuple[int, ...] = ()
     of_part: dict[int, tuple[tuple[int, ...], float]] = {}
     price, total = np.inf, 0.0
     while total + (least := float(np.min(prices))) < price:
-        best = int(np.argmax(prices <= least + ROUNDING * (1.0 + abs(total + least))))
+        best = ties.lowest(prices, 1.0 + 1e-3 * abs(total))
         own, paid = of_part.get(int(part[best]), ((), 0.0))
         of_part[int(part[best])] = own, paid = (*own, *units[best]), paid + float(prices[best])
         price = total = total + float(prices[best])
@@ -373,4 +379,5 @@ def _smallest(path: Path, best: float) -> tuple[tuple[int, ...], float]:
     for terms, price in path.items():
         if price - best <= DELTA:
             return terms, price
-    return min(path.items(), key=lambda item: item[1])
+    every = list(path.items())
+    return every[ties.lowest([price for _, price in every])]

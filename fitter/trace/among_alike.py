@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 
 SIZES = 4.0 ** np.arange(-1, 5)
@@ -134,7 +135,7 @@ class Shapes:
             p.append(_rare(_any(drawn), total))
             if k == 0:
                 independent = _rare(_either(drawn, remembered), either)
-        at = int(np.argmax(found[0]))
+        at = ties.highest(found[0])
         return Shape(at, max(p), independent, self._share(series, at))
 
     def _log(self, one: Alike, rss: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 
 LEAST, MOST = 0.7, 15.0
@@ -71,7 +72,7 @@ def lattice(values: FloatArray, printed: float, sd: float) -> Lattice | None:
     tried = int(np.sum(wanted))
     if tried < 1:
         return None
-    order = np.flatnonzero(wanted)[np.argsort(-power[wanted])]
+    order = np.flatnonzero(wanted)[ties.descending(power[wanted], float(np.max(power)))]
     found = [_refined(values, 1.0 / float(frequency[k]), printed, sd, tried) for k in _apart(order)]
     # a step's half, third, two thirds hold all of its rows as well
     full = max(one.rows for one in found)

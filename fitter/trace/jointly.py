@@ -18,6 +18,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.constant_scatter import mean_ranks
 from rig.fitter.trace.flexible import LEAST_DF, NOTHING_LEFT
@@ -251,7 +252,7 @@ def _needed(every: Some, seen: Callable[[Some], float]) -> Some:
     least = MOST * seen(every)
     while len(every) > 1:
         without = {k: seen(tuple(one for one in every if one != k)) for k in every}
-        spare = max(without, key=without.__getitem__)
+        spare = list(without)[ties.highest(list(without.values()))]
         if without[spare] < least:
             break
         every = tuple(one for one in every if one != spare)

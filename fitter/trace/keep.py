@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.not_kept import NotKept
@@ -55,7 +56,7 @@ def kept(
         if not idle:
             break
         p = {key: max(judge.p_adjusted(chosen, j) for j in own) for key, own in idle.items()}
-        worst = max(p, key=lambda key: p[key])
+        worst = list(p)[ties.highest(list(p.values()))]
         left.append(NotKept(*worst, "error", p[worst], error))
         chosen = tuple(j for j in chosen if j not in idle[worst])
     return chosen, tuple(left)
@@ -87,7 +88,7 @@ def left_in(
         while mine and stated(inside)[i] > before[i] * (1.0 + SAME):
             trials = [[*inside[:i], inside[i] | own, *inside[i + 1 :]] for own in mine]
             errors = [float(stated(trial)[i]) for trial in trials]
-            inside[i] |= mine.pop(errors.index(min(errors)))
+            inside[i] |= mine.pop(ties.lowest(errors, min(errors)))
     return tuple(inside)
 
 
@@ -130,7 +131,7 @@ def never_above(
         fits = {key: stated(rest) for key, rest in rests.items()}
         least = np.maximum(before[0], TINY)
         errors = {key: float(np.sum(fit[0] / least)) for key, fit in fits.items()}
-        worst = min(errors, key=errors.__getitem__)
+        worst = list(errors)[ties.lowest(list(errors.values()))]
         p = max(judge.p_adjusted(chosen, j) for j in mine[worst])
         share = 1.0 - float(np.sum(now[1])) / max(float(np.sum(fits[worst][1])), TINY)
         left.append(NotKept(*worst, "rises", p, share=min(max(share, 0.0), 1.0)))

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.flexible import Block, rough_turns, turns
 from rig.fitter.trace.shape import Axis
@@ -181,7 +182,7 @@ def _between_pauses(left: FloatArray, elapsed_s: FloatArray, tried: range) -> Li
         return np.asarray(np.sum(np.concatenate(parts, axis=1) ** 2, axis=0))
 
     power = power_of(left, cycles)
-    at = int(np.argmax(power))
+    at = ties.highest(power, float(np.max(power)))
     own = waves_of(cycles[at : at + 1])[:, 0].T
     held = own @ np.linalg.lstsq(own, left, rcond=None)[0]
     about = cycles[max(at - ABOUT_PAUSES, 0) : at + ABOUT_PAUSES + 1]

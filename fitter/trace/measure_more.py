@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 
 PLACES = 3
@@ -69,7 +70,7 @@ def measure_more(shape: Added, over: Settable, beside: Settable | None) -> str:
     for _ in range(PLACES):
         towards = shape.columns @ spread @ shape.columns.T
         gain = np.sum(towards**2, axis=1) / (np.diag(towards) + shape.scatter**2 / each)
-        k = int(np.argmax(gain))
+        k = ties.highest(gain, float(np.max(gain)))
         own = shape.columns[k] @ spread
         spread = spread - np.outer(own, own) / (own @ shape.columns[k] + shape.scatter**2 / each)
         picked.append(k)

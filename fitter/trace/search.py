@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol, TypeVar, runtime_checkable
 
+from rig.fitter import ties
 from rig.fitter.effects.history import nats
 from rig.fitter.trace.aliases import Named, Rival, simplest
 from rig.fitter.trace.chance import ALPHA
@@ -84,8 +85,8 @@ def prune(judge: Searched, chosen: tuple[int, ...], level: float = ALPHA) -> tup
         weak = [unit for unit in units if not _significant(judge, chosen, unit[0], level)]
         if not weak:
             break
-        weakest = weak[0] if len(weak) == 1 else max(weak, key=lambda unit: judge.p_adjusted(chosen, unit[0]))
-        chosen = tuple(j for j in chosen if j not in weakest)
+        out = 0 if len(weak) == 1 else ties.highest([judge.p_adjusted(chosen, unit[0]) for unit in weak])
+        chosen = tuple(j for j in chosen if j not in weak[out])
     return chosen
 
 

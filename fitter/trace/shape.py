@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.flexible import DECAYS, HYPER, SIZES
@@ -244,7 +245,7 @@ def smoothed(y: FloatArray, columns: FloatArray, roughness: FloatArray) -> tuple
         values, turned = np.maximum(values, 0.0), vectors.T @ (falls * along)
         one = 1.0 + SIZES[:, None] * values
         likely = 0.5 * np.sum(SIZES[:, None] * turned**2 / one - np.log(one), axis=1)
-        k = int(np.argmax(likely))
+        k = ties.highest(likely)
         if likely[k] > best:
             best, inverse, back = float(likely[k]), SIZES[k] / one[k], falls[:, None] * vectors / typical
             found = back @ (inverse * turned), (back * inverse) @ back.T

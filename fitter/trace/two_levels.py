@@ -11,6 +11,7 @@ from itertools import product
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 
 FEWEST = 24
@@ -74,7 +75,7 @@ def two_levels(left: FloatArray, basis: FloatArray) -> TwoLevels | None:
     grid, series, best = np.array(list(product(APART, SHARES, STAYS, middles))), left, None
     for _ in range(ROUNDS):
         total = _likelihoods(series, grid)
-        at = int(np.argmax(total))
+        at = ties.highest(total)
         found = _found(series, grid[at], float(total[at]))
         if best is not None and found.log_likelihood <= best.log_likelihood:
             break

@@ -9,6 +9,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.aliases import DELTA, Rival
 from rig.fitter.trace.chance import ALPHA
@@ -357,7 +358,7 @@ class TableJudge:
             if (judged := self.judged(chosen)) is not None:
                 worth = np.where(judged, worth, -np.inf)
             best: dict[str, int] = {}
-            for j in np.argsort(-worth, kind="stable").tolist():
+            for j in ties.descending(worth).tolist():
                 if scores.ratio[j] > 0 and len(best) < SHORTLIST:
                     best.setdefault(self.candidates[j].effect.name, j)
             shortlist.update({j: float(worth[j]) for j in best.values() if worth[j] > -per_column})
@@ -365,7 +366,7 @@ class TableJudge:
             shortlist = {j: own for j, own in shortlist.items() if self.candidates[j].effect.source == source}
         for j in shortlist:
             shortlist[j] = self._trial(chosen, j).gained - per_column * float(self.problem.price[j])
-        return sorted(shortlist, key=lambda j: -shortlist[j])
+        return [list(shortlist)[k] for k in ties.descending(list(shortlist.values()))]
 
     def _scores(self, at: int, chosen: tuple[int, ...]) -> Scores:
         """All candidates beside those `chosen` under a covariance."""

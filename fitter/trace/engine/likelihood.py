@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.noise import BoolArray, Noise
 from rig.fitter.trace.engine.white import White
@@ -46,7 +47,7 @@ class Likelihoods:
 
     def best_of(self, possible: BoolArray) -> int:
         """The same among those that are `possible` (G,)."""
-        return int(np.argmax(np.where(possible, self.reml + np.log(self.noise.prior), -np.inf)))
+        return ties.highest(np.where(possible, self.reml + np.log(self.noise.prior), -np.inf))
 
     def slowest_of(self, possible: BoolArray) -> int:
         """Among those `possible` (G,) that are not excluded at 5 % relative to the best, the one with the longest

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Rival
+from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Rival, best_first
 from rig.fitter.trace.engine.problem import Candidate, Problem
 from rig.fitter.trace.engine.score import View
 
@@ -36,7 +37,8 @@ def lead(problem: Problem, found: Sequence[Rival]) -> Rival:
     least = min(cost.values())
     first = min((r for r in cost if cost[r] - least < ALIKE), key=lambda r: min(r.terms))
     shapes = [r for r in cost if problem.candidates[r.terms[0]].effect.kind.name in SHAPES]
-    return min([first, *shapes], key=lambda r: cost[r])
+    able = [first, *shapes]
+    return able[ties.lowest([cost[r] for r in able])]
 
 
 def rivals(problem: Problem, view: View, y: FloatArray, chosen: tuple[int, ...], effect: str) -> tuple[Rival, ...]:
@@ -61,22 +63,23 @@ def rivals(problem: Problem, view: View, y: FloatArray, chosen: tuple[int, ...],
     beside = y - taken @ (taken.T @ y)
     path = _Path(candidates, view, beside, variance, rest)
     gains, _ = view.gains(rest, y)
-    best = {name: int(own[np.argmax(gains[own])]) for name, own in problem.named.items()}
+    best = {name: int(own[ties.highest(gains[own], variance)]) for name, own in problem.named.items()}
     single = {name: j for name, j in best.items() if gains[j] > 0.0 and name not in held and name != effect}
     known = view.all_kept(rest)[view.start[:-1]] & (np.diff(view.start) == 1)
     paths = {effect: [(group, path.price(group))]}
     for name, j in single.items():
         paths[name] = [((j,), path.priced((j,), float(gains[j])) if known[j] else path.price((j,)))]
     if len(group) > 1:
-        for name in sorted(single, key=lambda name: paths[name][0][1])[:CLOSEST]:
+        ahead, price = list(single), np.array([paths[name][0][1] for name in single])
+        for name in [ahead[k] for k in ties.descending(-price)[:CLOSEST]]:
             paths[name] += path.longer(single[name], len(group))
     least = min(cost for steps in paths.values() for _, cost in steps)
     found = []
     for name, steps in paths.items():
         near = [step for step in steps if step[1] - least <= DELTA]
-        terms, cost = near[0] if near else min(steps, key=lambda step: step[1])
+        terms, cost = near[0] if near else steps[ties.lowest([cost for _, cost in steps])]
         found.append(Rival(name, terms, float(np.sqrt(max(cost - least, 0.0)))))
-    return tuple(sorted(found, key=lambda rival: rival.sigmas))
+    return best_first(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +117,6 @@ class _Path:
         while len(held) < min(most, len(terms)):
             others = [j for j in terms if j not in held]
             gains, _ = self.view.gains((*self.rest, *held), self.y)
-            held = (*held, others[int(np.argmax(gains[others]))])
+            held = (*held, others[ties.highest(gains[others], self.variance)])
             steps.append((held, self.price(held)))
         return steps

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.drawn_strata import Drawn, draw, summed
@@ -255,5 +256,5 @@ def _near(problem: InStrata, squares: FloatArray, at: int) -> IntArray:
     deviance = problem.n * np.log(np.maximum(total, _TINY)) + problem.noise.log_det[:, None]
     behind = deviance - deviance.min(axis=0)
     kept = np.flatnonzero(np.min(behind, axis=1) < BEHIND)
-    kept = kept[np.argsort(np.mean(behind[kept], axis=1), kind="stable")[:MOST_NEAR]]
+    kept = kept[ties.descending(-np.mean(behind[kept], axis=1))[:MOST_NEAR]]
     return np.concatenate([[at], kept[kept != at]])

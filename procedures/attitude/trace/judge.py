@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Stratum
 from rig.fitter.trace.aliases import DELTA, Paths, Products, Rival, rivals
@@ -82,14 +83,16 @@ class AttitudeJudge:
         engine, found = self._engine(()), dict[str, dict[str | None, tuple[int, float]]]()
         at = engine.beside(()).best
         scores, family = engine.everything(at, ())[0], engine.family(at)
-        for u in np.argsort(-scores.evidence, kind="stable").tolist():
+        for u in ties.descending(scores.evidence).tolist():
             name, sensor = self.problem.causes[u]
             if self._open[u] and scores.rank[u] and sensor not in found.get(name, {}) and not engine.refused((), u):
                 own = float(evidence(scores.ratio[[u]], int(scores.rank[u]), int(scores.df[u]))[0])
                 if family.adjust(name, own, ALPHA) <= ALPHA:
                     found.setdefault(name, {})[sensor] = u, float(scores.evidence[u])
-        strongest = sorted(found.values(), key=lambda of: -sum(gained for _, gained in of.values()))
-        return [tuple(j for u, _ in of.values() for j in self.problem.units[u]) for of in strongest]
+        every = list(found.values())
+        strength = np.array([sum(gained for _, gained in of.values()) for of in every])
+        ahead = ties.descending(strength).tolist()
+        return [tuple(j for u, _ in every[k].values() for j in self.problem.units[u]) for k in ahead]
 
     def price(self, chosen: tuple[int, ...]) -> float:
         """Twice what is missing in the log-likelihood of a model, but for a constant."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.procedures.attitude.trace.problem import Candidate, Problem, columns_of
 from rig.procedures.attitude.trace.score import errors, inverse
 from rig.procedures.attitude.trace.view import View
@@ -52,10 +53,10 @@ def _placed(problem: Problem, others: tuple[int, ...], u: int) -> Problem:
     gain = np.einsum("tj,tjk,tk->t", dot, inverse(gram, length2), dot)
     if not np.any(gain):
         return problem
-    best = int(np.argmax(gain))
+    best = ties.highest(gain)
     likelier = [t for t, terms in enumerate(tries) if terms[0].likelier and gain[t] >= gain[best] - 2.0 * FORBIDS]
     if not likelier:
         return problem.with_terms(u, tries[best])
     # every replication has parameters of its own: what begins with one is not seen within it
     levels = tuple("replications" if j in unit else level for j, level in enumerate(problem.judged_at))
-    return replace(problem.with_terms(u, tries[max(likelier, key=lambda t: float(gain[t]))]), judged_at=levels)
+    return replace(problem.with_terms(u, tries[likelier[ties.highest(gain[likelier])]]), judged_at=levels)

@@ -6,9 +6,8 @@ repeated only in such a case. The results are compared like alias classes, by li
 
 from __future__ import annotations
 
-import numpy as np
-
-from rig.fitter.trace.aliases import PER_COLUMN, ROUNDING
+from rig.fitter import ties
+from rig.fitter.trace.aliases import PER_COLUMN
 from rig.fitter.trace.search import names_of, prune, search_and_name
 from rig.procedures.attitude.trace.judge import AttitudeJudge
 
@@ -24,10 +23,9 @@ def search_with_restarts(judge: AttitudeJudge) -> tuple[AttitudeJudge, tuple[int
     if _crowd(*ends[0]):
         for start in judge.starts()[:MOST_STARTS]:
             ends.append(search_and_name(judge, prune(judge, start)))
-            if not _crowd(*ends[-1]) and _price(*ends[-1]) < _price(*ends[0]):
+            if not _crowd(*ends[-1]) and ties.below(_price(*ends[-1]), _price(*ends[0])):
                 break  # fewer causes that explain more: other starts take longest where they end in a crowd again
-        prices = np.array([_price(*end) for end in ends])
-        return ends[int(np.argmax(prices <= prices.min() + ROUNDING * (1.0 + abs(prices.min()))))]
+        return ends[ties.lowest([_price(*end) for end in ends])]
     return ends[0]
 
 

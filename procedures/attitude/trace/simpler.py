@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from itertools import permutations
 
-from rig.fitter.trace.aliases import DELTA
+from rig.fitter.trace.aliases import DELTA, best_first
 from rig.fitter.trace.search import names_of
 from rig.procedures.attitude.trace.judge import AttitudeJudge
 
@@ -34,5 +34,5 @@ def _one_for_two(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[int, ..
         rest = tuple(j for j in chosen if j not in both)
         able = [r for r in judge.explanations(both, rest, DELTA) if r.alias and r.effect != first]
         if able:
-            return (*rest, *min(able, key=lambda rival: rival.sigmas).terms)
+            return (*rest, *best_first(able)[0].terms)
     return None

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.chance import ALPHA, counted
 from rig.procedures.attitude.trace.problem import Problem
@@ -45,7 +46,7 @@ def walk_evidence(problem: Problem, left: FloatArray) -> tuple[float, float]:
         walks = problem.levels.walks(level, wide=steps is WIDE)
         squares = walks.products(left[:, None])[:, 0, 0]
         likelihood = walks.log_likelihood(squares)
-        best = int(np.argmax(likelihood))
+        best = ties.highest(likelihood)
         if best < len(STEPS) - 1:
             break
     p, step = 0.5 * float(special.chdtrc(1, 2.0 * (likelihood[best] - likelihood[0]))), steps[best]

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import IntArray
 from rig.fitter.linear import orthonormal
-from rig.fitter.trace.aliases import DELTA, Rival
+from rig.fitter.trace.aliases import DELTA, Rival, best_first
 from rig.fitter.trace.search import names_of, prune, search_and_name
 from rig.procedures.pressure.trace.judge import WholePlotJudge
 from rig.procedures.pressure.trace.problem import Problem
@@ -135,7 +136,7 @@ def _corrected(judge: WholePlotJudge, chosen: tuple[int, ...], own: Rival, rival
         terms, price = line, products.price(line)
         while _few(len(terms) - len(line) + 1, judge.problem):
             left = [j for j in mine if j not in terms]
-            better = min(left, key=lambda j: products.price((*terms, j)))
+            better = left[ties.lowest([products.price((*terms, j)) for j in left])]
             if products.price((*terms, better)) >= price:
                 break
             terms, price = (*terms, better), products.price((*terms, better))
@@ -160,8 +161,7 @@ def _ranked(rivals: list[Rival]) -> tuple[Rival, ...]:
         if rival.effect not in cheapest or price < cheapest[rival.effect][0]:
             cheapest[rival.effect] = price, rival
     best = min(price for price, _ in cheapest.values())
-    ordered = sorted(cheapest.values(), key=lambda pair: pair[0])
-    return tuple(replace(rival, sigmas=float(np.sqrt(price - best))) for price, rival in ordered)
+    return best_first([replace(rival, sigmas=float(np.sqrt(price - best))) for price, rival in cheapest.values()])
 
 
 def _counterparts(problem: Problem, of: list[int] | tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:

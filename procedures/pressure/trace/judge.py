@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Products, Rival, rivals, simplest
+from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Products, Rival, best_first, rivals, simplest
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.engine.beside import Coefficient, View, White
 from rig.fitter.trace.engine.judge import TableJudge
@@ -146,7 +146,7 @@ class WholePlotJudge(RunJudge):
         price = np.array([rival.sigmas**2 + self._tried(rival) for rival in found])
         least = min(p for p, rival in zip(price.tolist(), found, strict=True) if not rival.refused)
         price = np.sqrt(np.maximum(price, least) - least)
-        return tuple(replace(found[k], sigmas=float(price[k])) for k in np.argsort(price, kind="stable"))
+        return best_first([replace(one, sigmas=float(own)) for one, own in zip(found, price.tolist(), strict=True)])
 
     def _tried(self, rival: Rival) -> float:
         """Price of a searched constant in addition to a column's price: the best of m columns gains 2 ln m by

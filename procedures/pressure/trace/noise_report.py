@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.effects.noise_names import AUTOCORRELATION, COMMON_ERROR
 from rig.fitter.quantiles import t_limit
 from rig.fitter.trace.chance import ALPHA, counted
@@ -65,7 +66,7 @@ def _remembered(run: Run, i: int) -> FoundPressureEffect | None:
     p = counted(p, len(run.judge.problem.sensors))
     if p > ALPHA:
         return None
-    rho = float(noise.grid[int(np.argmax(likely)), 2])
+    rho = float(noise.grid[ties.highest(likely), 2])
     return _of_noise(
         run,
         i,

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.beside import Errors, White
 from rig.fitter.trace.engine.components import Components
@@ -133,7 +134,7 @@ def _near(problem: Blocks) -> BoolArray:
     for at in dict.fromkeys((0, plain.best)):
         worth = ranked(judge.view(at), judge.white(at, ()), ()).evidence
         best: dict[str, int] = {}
-        for j in np.argsort(-worth, kind="stable").tolist():
+        for j in ties.descending(worth).tolist():
             best.setdefault(problem.candidates[j].effect.name, j)
             if len(best) == TRIED:
                 break

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.quantiles import t_limit
@@ -46,7 +47,7 @@ def time_constant(transducers: Iterable[InTransducer], name: str) -> list[dict[s
             return []
         rise += left / (left.min() / free)
         df = min(df, free)
-    best, t = int(np.argmin(rise)), t_limit(0.95, df)
+    best, t = ties.lowest(rise), t_limit(0.95, df)
     inside = np.flatnonzero(rise - rise[best] <= t**2)
     low, high = (float(taus[k]) * HOUR_S for k in (inside.min(), inside.max()))
     closed = inside.min() > 0 and inside.max() < STEPS - 1
