@@ -72,23 +72,17 @@ def noise_findings(
 
 
 def _wander(judge: TableJudge, chosen: tuple[int, ...], looked: Searched) -> FoundTableEffect | None:
-    data, noise, beside = looked.data, judge.problem.noise, judge.beside(chosen)
-    if not isinstance(noise, Wandering | Both) or noise.correlation[beside.best] == 0:
-        return None
-    still = noise.correlation == 0
-    gain = float(beside.reml.max() - beside.reml[still].max())
-    p = of_all(float(special.chdtrc(2, 2.0 * max(gain, 0.0))), data.sensors)
+    data, (correlation, p) = looked.data, memory(judge, chosen, looked.data.sensors)
     if p > CLEAR:
         return None
-    correlation = float(noise.correlation[beside.best])
     walk = correlation == 1.0
     size = "a random walk" if walk else f"neighbours correlate by {correlation:.2f}"
-    factor = understated(judge, chosen, at=beside.best, weighted=False)
+    factor = understated(judge, chosen, at=judge.beside(chosen).best, weighted=False)
     cause = f"errors of neighbouring rows of {data.response} are alike: something wanders slowly that was not recorded"
     if data.order_unknown:
         cause += ", or the response is not smooth enough over the setting the rows are sorted by"
     others = if_independent(looked.problem, data) if data.order_unknown and not chosen else ()
-    alike = tuple(dict.fromkeys((*judge.like_memory(chosen, still), *others)))
+    alike = tuple(dict.fromkeys((*judge.like_memory(chosen, _correlations(judge) == 0), *others)))
     if alike:
         cause += f"; these data cannot tell it from {' or '.join(alike[:LIKE])}"
     return _finding(
@@ -104,6 +98,21 @@ def _wander(judge: TableJudge, chosen: tuple[int, ...], looked: Searched) -> Fou
         factor,
         alike,
     )
+
+
+def memory(judge: TableJudge, chosen: tuple[int, ...], sensors: int) -> tuple[float, float]:
+    """The likeliest correlation of neighbouring rows beside some effects, and p by chance over so many sensors."""
+    beside, correlation = judge.beside(chosen), _correlations(judge)
+    if correlation[beside.best] == 0:
+        return 0.0, 1.0
+    gain = float(beside.reml.max() - beside.reml[correlation == 0].max())
+    return float(correlation[beside.best]), of_all(float(special.chdtrc(2, 2.0 * max(gain, 0.0))), sensors)
+
+
+def _correlations(judge: TableJudge) -> FloatArray:
+    """(G,) of neighbouring rows, of the covariances that are tried."""
+    noise = judge.problem.noise
+    return noise.correlation if isinstance(noise, Wandering | Both) else np.zeros(len(noise.memory))
 
 
 def _growing(

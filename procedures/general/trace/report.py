@@ -20,11 +20,9 @@ from rig.fitter.trace.doubts import (
     several_causes,
 )
 from rig.fitter.trace.drawn import drawn_instead
-from rig.fitter.trace.engine.both import Both
 from rig.fitter.trace.engine.components import Components
 from rig.fitter.trace.engine.judge import MANY as SIMULATED
 from rig.fitter.trace.engine.judge import TableJudge
-from rig.fitter.trace.engine.noise import Wandering
 from rig.fitter.trace.engine.shared import Shared
 from rig.fitter.trace.found import of_left_out, parameters_of, verdict, with_shares
 from rig.fitter.trace.not_kept import in_place_of
@@ -40,7 +38,7 @@ from rig.procedures.general.trace.cross import SHARING, left_out
 from rig.procedures.general.trace.estimate import Estimate, estimate, strata_of
 from rig.procedures.general.trace.few_plots import few_plots
 from rig.procedures.general.trace.few_rows import resting, searched
-from rig.procedures.general.trace.findings import noise_findings
+from rig.procedures.general.trace.findings import CLEAR, memory, noise_findings
 from rig.procedures.general.trace.reasons import doubts_of
 from rig.procedures.general.trace.remainder import pure_error, unnamed
 from rig.procedures.general.trace.result import FoundTableEffect, TableSide, TableTrace
@@ -353,9 +351,11 @@ def _remarks(found: Found, data: TableData, after: Estimate) -> tuple[str, ...]:
     noise, at = judge.problem.noise, judge.beside(found.chosen).best
     if found.growth is not None:
         remarks.append("rows were weighted by the scatter found; sigma_E uses equal weights")
-    if isinstance(noise, Wandering | Both) and noise.correlation[at] > 0:
-        kind = "a random walk" if noise.correlation[at] == 1.0 else f"a correlation of {noise.correlation[at]:.2f}"
-        remarks.append(f"neighbouring rows are not independent: effects were judged against {kind}")
+    correlation, p = memory(judge, found.chosen, data.sensors)
+    if correlation > 0:
+        kind = "a random walk" if correlation == 1.0 else f"a correlation of {correlation:.2f}"
+        how = "are not independent" if p <= CLEAR else f"may not be independent (p = {p:.2g} by chance)"
+        remarks.append(f"neighbouring rows {how}: effects were judged against {kind}")
     if isinstance(noise, Components) and noise.grid[at, 1] > 0.0:
         remarks.append(f"{data.shares} differ in their slope too: effects were judged beside that")
     if isinstance(noise, Components) and noise.grid[at, 2] > 0.0:
