@@ -33,6 +33,8 @@ from rig.tables.of_others.numbers import (
     looks_like_number,
     may_have_gaps,
     maybe_gap,
+    with_error,
+    with_unit,
 )
 from rig.tables.of_others.table import TableOfOthers
 from rig.tables.of_others.where_the_table_is import NoTable
@@ -248,9 +250,9 @@ def read_seen_csv(path: Path, asked: FileForm = NOTHING) -> Table:
 
 
 def _of_numbers(cells: Iterable[str]) -> bool:
-    """Whether a column of text is one of numbers in another notation, or with words for missing values."""
+    """Whether a column of text is one of numbers in another notation, with words for none, units or errors."""
     given = [cell for cell in cells if not is_missing(cell) and not is_no_reading(cell)]
-    return bool(given) and all(looks_like_number(cell) for cell in given)
+    return bool(given) and all(looks_like_number(cell) or with_unit(cell)[0] or with_error(cell)[0] for cell in given)
 
 
 def _all_numbers(path: Path) -> tuple[dict[str, FloatArray], Sequence[int]] | None:

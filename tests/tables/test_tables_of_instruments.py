@@ -289,6 +289,20 @@ FORMS = {
         {"Weight": [100.012, 100.013, -0.002]}, 1, (2, 4), {"Weight": "g"},
         ("numbers with their unit in each cell: Weight",),
     ),
+    "results with their uncertainties (GUM, 7.2.2)": Form(
+        lines("I_A,U_V", "0.1,0.1021(12)", "0.2,0.2034(12)", "0.3,0.3029(110)"),
+        {"U_V": [0.1021, 0.2034, 0.3029], "u_U_V": [0.0012, 0.0012, 0.0110]}, 1, (2, 4), {},
+        ("the digits in parentheses beside U_V are its standard uncertainty, in the column u_U_V",),
+    ),
+    "results with limits": Form(
+        lines("I_A;U_V", "0,1;0,1021 ± 0,0012", "0,2;0,2034 ± 0,0012", "0,3;0,3029 ± 0,011"),
+        {"U_V": [0.1021, 0.2034, 0.3029]}, 1, (2, 4), {},
+        ("what stands beside the values of U_V is not used: give standard uncertainties in a column u_U_V",),
+    ),
+    "write.table of R": Form(
+        lines('"x" "y"', '"1" 0.5 1.25', '"2" 1.5 2.25', '"3" 2.5 3.5'),
+        {"x": [0.5, 1.5, 2.5], "y": [1.25, 2.25, 3.5]}, 1, (2, 4), {}, ("without a name: column_1",),
+    ),
     "titration": Form(
         lines(
             "Titrando 905", "Method: pH", "", "Volume\tU\tTemperature", "mL\tmV\t°C", "0.0000\t-12.5\t25.0",

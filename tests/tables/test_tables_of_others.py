@@ -805,3 +805,10 @@ def test_a_file_of_nist_as_it_is_published():
     assert found["coefficients"]["1"]["estimate"] == pytest.approx(float(certified["B0"]), rel=1e-11)
     assert found["coefficients"]["x"]["estimate"] == pytest.approx(float(certified["B1"]), rel=1e-13)
     assert found["sigma_E"] == pytest.approx(float(certified["Standard Deviation"]), rel=1e-11)
+
+
+@pytest.mark.parametrize("cells", [("12.5 g", "14.1 g", "16.2 g"), ("12.5(1)", "14.1(1)", "16.2(1)")])
+def test_a_response_with_its_unit_or_uncertainty_in_each_cell_is_one_of_numbers(tmp_path, cells):
+    path = tmp_path / "t.csv"
+    path.write_text("x,y\n" + "".join(f"{k},{cell}\n" for k, cell in enumerate(cells)))
+    assert read_any_csv(path, ["x", "y"]).columns["y"].tolist() == [12.5, 14.1, 16.2]

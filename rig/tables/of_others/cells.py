@@ -28,6 +28,7 @@ from rig.tables.of_others.numbers import (
     looks_like_number,
     maybe_gap,
     notation_of,
+    without_errors,
     without_units,
 )
 from rig.tables.of_others.where_the_table_is import NO_SEPARATOR, Layout, NoTable, is_time, layout_of
@@ -79,6 +80,7 @@ class Cells:
         footers: rows of the file that are no observations, with the cell that shows it.
         in_cells: columns that have a unit in each cell.
         whole: whether quotes stand around whole lines.
+        errors: columns that had an uncertainty beside each value.
     """
 
     path: Path
@@ -92,6 +94,7 @@ class Cells:
     footers: dict[int, str]
     in_cells: tuple[str, ...] = ()
     whole: bool = False
+    errors: tuple[str, ...] = ()
 
     @classmethod
     def read(cls, path: Path, data: bytes, asked: FileForm) -> Self:
@@ -109,6 +112,8 @@ class Cells:
                 raise UsageError(
                     f"{path}, row {line.row}: {len(row)} values for {len(layout.names)} columns; correct the row"
                 )
+        rows, stated = without_errors(rows, len(layout.names))
+        layout, rows = _with_columns(layout, rows, stated)
         rows, inside = without_units(rows, len(layout.names))
         notation, footing = _notation(path, layout, rows, asked.decimal)
         left = {layout.body[i].row: cell for i, cell in footing.items()}
@@ -127,8 +132,10 @@ class Cells:
         units |= {name: inside[i] for name, i in zip(names, kept, strict=True) if i in inside}
         first = layout.body[0].row
         remarks = tuple(line.row for line in lines if line.remark and line.row > first)
-        in_cells = tuple(name for name, i in zip(names, kept, strict=True) if i in inside)
-        return cls(path, encoding, layout, notation, columns, units, renamed, remarks, left, in_cells, bool(whole))
+        in_cells, errors = (tuple(n for n, i in zip(names, kept, strict=True) if i in own) for own in (inside, stated))
+        return cls(
+            path, encoding, layout, notation, columns, units, renamed, remarks, left, in_cells, bool(whole), errors
+        )
 
     @cached_property
     def rows(self) -> list[int]:
@@ -185,8 +192,15 @@ class Cells:
         """Whether the file is written as our own tables are."""
         ordinary = self.encoding in ("utf-8", "utf-8-sig") and self.layout.separator == "," and not self.layout.units
         ordinary = ordinary and not self.footers and all(self.layout.names)
-        ordinary = ordinary and not self.no_readings and not self.empty and not self.in_cells and not self.whole
-        return ordinary and self.layout.header == 1 and self.notation == Notation()
+        ordinary = (
+            ordinary
+            and not self.no_readings
+            and not self.empty
+            and not self.in_cells
+            and not self.whole
+            and not self.errors
+        )
+        return ordinary and not self.whole and self.layout.header == 1 and self.notation == Notation()
 
     def missing(self, name: str) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """(n,) whether a cell has no value; "-" beside "+" is a direction."""
@@ -222,6 +236,19 @@ class Cells:
                     f"{where}: {cells[i][:40]} is not a finite number; remove the row if there was no reading"
                 )
         return np.asarray(np.array([np.nan if value is None else value for value in values])[kept])
+
+
+def _with_columns(
+    layout: Layout, rows: list[list[str]], stated: Mapping[int, Sequence[str]]
+) -> tuple[Layout, list[list[str]]]:
+    """A table with a column u_NAME for each that has standard uncertainties in its cells."""
+    count, new = len(layout.names), {i: cells for i, cells in stated.items() if all(cells) and layout.names[i]}
+    new = {i: cells for i, cells in new.items() if f"u_{layout.names[i]}" not in layout.names}
+    if not new:
+        return layout, rows
+    names = (*layout.names, *(f"u_{layout.names[i]}" for i in new))
+    rows = [[*row, *[""] * (count - len(row)), *(own[k] for own in new.values())] for k, row in enumerate(rows)]
+    return replace(layout, names=names, units=(*layout.units, *[""] * len(new)) if layout.units else ()), rows
 
 
 def _named(names: Sequence[str], places: Sequence[int]) -> tuple[list[str], tuple[str, ...]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
 
 from rig.errors import UsageError
@@ -312,7 +313,17 @@ class _Walk:
                 named = cells[1:] if cells[0].endswith(":") else cells[:-1] if _EXTRA.fullmatch(cells[-1]) else cells
             if len(named) == count and not any(looks_like_number(cell) for cell in named) and all(named):
                 return named
+            if len(cells) == count - 1 > 1 and all(cells) and self._of_rows and not any(map(looks_like_number, cells)):
+                return ["", *cells]
         return None
+
+    @cached_property
+    def _of_rows(self) -> bool:
+        """Whether the first column holds numbers of rows, which R writes without a name of their own."""
+        rows = self.block.sample[1:3]  # the first one may be that of the names
+        return (
+            len(rows) == 2 and rows[0][0].isdigit() and rows[1][0].isdigit() and int(rows[1][0]) - int(rows[0][0]) == 1
+        )
 
 
 def _is_pair(cells: Sequence[str]) -> bool:

@@ -35,6 +35,9 @@ _SIMPLE = re.compile(r"[+-]?[0-9]+(?:\.[0-9]*)?")
 """Most cells; it is asked first, because it is quick."""
 _LONGEST, _LONG = 400, 40
 _WITH_UNIT = re.compile(r"([+\u2212-]?\s*[\d.,]*\d(?:[eE][+-]?\d+)?)(\s*)([^\s\d.,+-].*)")
+_WITH_ERROR = re.compile(
+    r"([+\u2212-]?(?:\d+(?:[.,](\d*))?|[.,](\d+)))\s*(?:\((\d+|\d*[.,]\d+)\)|(?:\u00b1|\+/?-)\s*([\d.,]*\d))"
+)
 _APART = re.compile(r"^([+-])\s+(?=[\d.,])")
 _NINES = frozenset(
     [sign * v for v in (9999.0, 99999.0, 999999.0, 9999999.0, 9999.9, 9999.99, 6999.0, 7999.0) for sign in (-1.0, 1.0)]
@@ -108,10 +111,27 @@ def is_no_reading(cell: str) -> bool:
 @lru_cache(maxsize=1 << 12)
 def with_unit(cell: str) -> tuple[str, str]:
     """A cell such as "12.5 g" as number and unit; ("", "") for any other."""
-    found = _WITH_UNIT.fullmatch(cell) if len(cell) < _LONG else None
+    found = _WITH_UNIT.fullmatch(cell) if len(cell) < _LONG and not with_error(cell)[0] else None
     if found is None or not looks_like_number(found[1]) or not is_unit(found[3]):
         return "", ""
     return (found[1], found[3]) if found[2] or len(found[3]) > 1 or not found[3].isalpha() else ("", "")
+
+
+@lru_cache(maxsize=1 << 12)
+def with_error(cell: str) -> tuple[str, str]:
+    """A cell such as "1.141(50)" as number and standard uncertainty (GUM, 7.2.2), which is that of its last digits.
+
+    "" for what stands behind a sign as in "1.141 +- 0.1": it may be an expanded one. ("", "") for any other cell.
+    """
+    found = _WITH_ERROR.fullmatch(cell) if len(cell) < _LONG else None
+    if found is None:
+        return "", ""
+    if found[4] is None or not found[4].isdigit():
+        return found[1], found[4] or ""
+    places = len(found[2] or found[3] or "")
+    digits = found[4].rjust(places + 1, "0")
+    sign = "," if "," in found[1] else "."
+    return found[1], f"{digits[:-places]}{sign}{digits[-places:]}" if places else digits
 
 
 def looks_like_number(cell: str) -> bool:
@@ -127,7 +147,12 @@ def looks_like_number(cell: str) -> bool:
 def is_value(cell: str) -> bool:
     """Whether a cell is a number, a time or a missing value, in some notation."""
     return (
-        is_missing(cell) or looks_like_number(cell) or is_time(cell) or is_no_reading(cell) or bool(with_unit(cell)[0])
+        is_missing(cell)
+        or looks_like_number(cell)
+        or is_time(cell)
+        or is_no_reading(cell)
+        or bool(with_unit(cell)[0])
+        or bool(with_error(cell)[0])
     )
 
 
@@ -253,3 +278,15 @@ def without_units(rows: Sequence[Sequence[str]], count: int) -> tuple[list[list[
     if not found:
         return list(map(list, rows)), found
     return [[with_unit(cell)[0] or cell if i in found else cell for i, cell in enumerate(row)] for row in rows], found
+
+
+def without_errors(rows: Sequence[Sequence[str]], count: int) -> tuple[list[list[str]], dict[int, list[str]]]:
+    """Rows without the uncertainties in their cells, and those of each column in which every value has one."""
+    found: dict[int, list[str]] = {}
+    for column in range(count):
+        cells = [row[column] if column < len(row) else "" for row in rows]
+        if all(is_missing(cell) or with_error(cell)[0] for cell in cells) and not all(map(is_missing, cells)):
+            found[column] = [with_error(cell)[1] for cell in cells]
+    if not found:
+        return list(map(list, rows)), found
+    return [[with_error(cell)[0] or cell if i in found else cell for i, cell in enumerate(row)] for row in rows], found

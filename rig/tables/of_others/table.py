@@ -89,6 +89,13 @@ def _heads(cells: Cells) -> Iterator[str]:
         yield f"row {layout.units_row} left out: a row of units without any"
     if cells.in_cells:
         yield f"numbers with their unit in each cell: {', '.join(cells.in_cells)}"
+    for name in cells.errors:
+        own = f"u_{name}"
+        yield (
+            f"the digits in parentheses beside {name} are its standard uncertainty, in the column {own}"
+            if own in cells.columns
+            else f"what stands beside the values of {name} is not used: give standard uncertainties in a column {own}"
+        )
     for name in cells.renamed:
         yield f"{name} names several columns, which are {name} (column N)"
     nameless = [name for name in cells.columns if name not in layout.names and name.startswith("column_")]
