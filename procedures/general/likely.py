@@ -11,6 +11,7 @@ import numpy as np
 from rig.fitter.arithmetic import NAME
 from rig.fitter.arrays import FloatArray
 from rig.fitter.errors import FitError
+from rig.fitter.formula import check_numbers
 from rig.procedures.errors import DataError
 from rig.procedures.evaluate.results import Source
 from rig.procedures.general.clock_texts import is_clock
@@ -27,6 +28,7 @@ from rig.procedures.general.first_model import alike, curved, nameless
 from rig.procedures.general.fit import fit_general
 from rig.procedures.general.models.units import unit_in
 from rig.procedures.general.uncertain import option, uncertainties, weights
+from rig.procedures.tables.file_rows import rows_of_file
 from rig.procedures.tables.table import Table
 from rig.procedures.tables.unknown_table import SeenColumn, UnknownTable
 
@@ -107,8 +109,20 @@ def likely(source: Source, table: Table) -> UnknownTable:
         if beside:  # what they have in common with it is the setting's error
             trace["ignore"] = ",".join(beside)
         return UnknownTable(_columns(table, found), fit, trace, without, curve, sensors, tuple(dict.fromkeys(notes)))
-    why = tried or "it takes two columns of numbers that vary: a response and a setting"
+    why = tried or f"it takes two columns of numbers that vary: a response and a setting{_nearly(table)}"
     return UnknownTable(_columns(table, roles | dict.fromkeys(free, "covariate")), {}, {}, why)
+
+
+def _nearly(table: Table) -> str:
+    """The first cell that is no number in each column of numbers; "" without one."""
+    found = ""
+    for name, cells in table.text.items():
+        try:
+            with rows_of_file(table):
+                check_numbers(name, cells)
+        except FitError as error:
+            found += f"; {error}"
+    return found
 
 
 def _with_uncertainties(
@@ -228,12 +242,7 @@ def _counts_rows(name: str, table: Table) -> bool:
     first = name == next(iter(table.columns)) and len(table.columns) > 2
     v = table.columns[name]
     counted = first and len(v) > 4 and v[0] in (0, 1) and bool((np.diff(v) == 1).all())
-    return (
-        counted
-        and not _SETTING.search(name)
-        and not _TIME.search(name)
-        and not unit_in(name, table.units.get(name, ""))
-    )
+    return counted and not (_SETTING.search(name) or _TIME.search(name) or unit_in(name, table.units.get(name, "")))
 
 
 def _pairs(

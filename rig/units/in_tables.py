@@ -24,9 +24,10 @@ _NONE = re.compile(
     re.IGNORECASE,
 )
 """Words in a row of units for columns that have none: Campbell Scientific's TS and RN, a kind of value, dd.mm.yyyy."""
-_BRACKETED = re.compile(r"[\[(]([^\[\]()]{0,20})[\])]")
+_BRACKETED = re.compile(r"[\[(](?!(?!1[\])])[\d.,+-]+[\])]|column \d+\))([^\[\]()]{0,20})[\])]")
 _IN_NAME = re.compile(
-    r".*?\s*[\[(]([^\[\]()]{1,15})[\])]\s*|.*?_([A-Za-z%µΩ]{1,6}[23]?(?:(?:_per_|/)[A-Za-z]{1,5}[23]?)?)"
+    r".*?\s*[\[(](?!\d+[\])]|column \d+\))([^\[\]()]{1,15})[\])]\s*|"
+    r".*?_([A-Za-z%µΩ]{1,6}[23]?(?:(?:_per_|/)[A-Za-z]{1,5}[23]?)?)"
 )
 
 

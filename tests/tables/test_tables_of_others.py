@@ -812,3 +812,14 @@ def test_a_response_with_its_unit_or_uncertainty_in_each_cell_is_one_of_numbers(
     path = tmp_path / "t.csv"
     path.write_text("x,y\n" + "".join(f"{k},{cell}\n" for k, cell in enumerate(cells)))
     assert read_any_csv(path, ["x", "y"]).columns["y"].tolist() == [12.5, 14.1, 16.2]
+
+
+@pytest.mark.parametrize("cell", ["<{}", "{}*", "({})", "~{}", "warm-up"])
+@pytest.mark.parametrize("many", [1, 3])
+def test_strange_cells_in_the_first_rows_take_no_names_away(tmp_path, cell, many):
+    path = tmp_path / "t.csv"
+    cells = [cell.format(f"{2.5 + k:.2f}") if k < many else f"{2.5 + k:.2f}" for k in range(12)]
+    path.write_text("x,y\n" + "".join(f"{k},{one}\n" for k, one in enumerate(cells)))
+    seen = look_at(FileSource(path), "fit", {}).seen
+    assert [one.name for one in seen.columns] == ["x", "y"]
+    assert f"y is {cells[0]!r} in row 2, which is not a number" in seen.why_not

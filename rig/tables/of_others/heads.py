@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 from rig.errors import UsageError
 from rig.tables.of_others.block import Block, trimmed
@@ -288,10 +288,10 @@ class _Walk:
             return cells if sum(map(bool, cells)) > 1 or count == len(self.values) == 1 or _is_pair(cells) else None
         if sort != _MIXED:
             return None
-        above = self.lines[i - 1] if i else None
-        if above is not None and not under_units and not above.remark and not line.apart:
-            full = self._cells(above)
-            if self._sort(full) == _WORDS and self._full(full):
+        if not under_units and not line.apart:
+            above = takewhile(lambda one: not one.remark, reversed(self.lines[:i]))
+            full = next((own for own in map(self._cells, above) if self._sort(own) != _MIXED), None)
+            if full is not None and self._sort(full) == _WORDS and self._full(full):
                 return None  # an observation with a word in it, under the names
         return cells if self._full(cells, count) and _rising(cells) else None
 
