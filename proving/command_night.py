@@ -32,7 +32,10 @@ def night(
     first: Annotated[int, typer.Option(min=0, help="the first seed")] = 0,
     lab: Annotated[
         str,
-        typer.Option(help="an example laboratory by its folder, such as bath; all; or both: attitude and pressure"),
+        typer.Option(
+            help="an example laboratory by its folder, such as bath; all; both: attitude and pressure; or any-bench: "
+            "drawn from the seed, of all instruments and protocols"
+        ),
     ] = "both",
     full: Annotated[bool, typer.Option("--full", help="the examples' whole procedures, 28 and 37 hours")] = False,
     brief: Annotated[bool, typer.Option("--brief", help="4 points a night: to try a cluster or a ledger")] = False,
@@ -76,6 +79,7 @@ def night(
     - `rig night --seed 42 --lab attitude`
     - `rig night --bug skip-re-approach`
     """
+    from proving.night.any_bench import LAB as ANY_BENCH  # noqa: PLC0415
     from proving.night.bugs import BUGS  # noqa: PLC0415
     from proving.night.scenario import EVERY_LAB, LABS  # noqa: PLC0415
     from proving.seeds import Place  # noqa: PLC0415
@@ -85,8 +89,11 @@ def night(
     if full and brief:
         raise UsageError("--full or --brief: a night has one size")
     size: Size = "full" if full else "brief" if brief else "short"
-    if lab not in (*EVERY_LAB, "both", "all"):
-        raise UsageError(f"--lab {lab}: there is no such example; there are {', '.join(EVERY_LAB)}, both, all")
+    if lab not in (*EVERY_LAB, ANY_BENCH, "both", "all"):
+        known = ", ".join(EVERY_LAB)
+        raise UsageError(f"--lab {lab}: there is no such example; there are {known}, both, all and {ANY_BENCH}")
+    if lab == ANY_BENCH and (full or bench is not None):
+        raise UsageError(f"--lab {ANY_BENCH}: its bench is drawn from the seed, and its nights are short or --brief")
     labs = LABS if lab == "both" else EVERY_LAB if lab == "all" else (lab,)
     texts = None
     if bench is not None:

@@ -106,7 +106,7 @@ class BridgeLine:
         """Nothing: a value is a whole answer."""
         return ""
 
-    def heard(self, timeout_s: float) -> str:
+    def heard(self, timeout_s: float, *, onwards: bool = False) -> str:
         """A bridge does not talk by itself."""
         raise NoReply(f"{self.where} does not talk by itself")
 

@@ -94,7 +94,7 @@ class TextTalk(LinesTalk):
         line = self._unframed("its lines", self.line.heard(limit))
         while _of_one(wanted, line) is None and _of_one(self._skipped, line, f"{line} ") is not None:
             try:
-                line = self._unframed("its lines", self.line.heard(max(end - self.clock.now(), 0.0)))
+                line = self._unframed("its lines", self.line.heard(max(end - self.clock.now(), 0.0), onwards=True))
             except NoReply:
                 said = f"{self.where} sends only lines that its file skips for {limit:g} s, last {line!r}"
                 raise NoReply(said) from None

@@ -47,8 +47,8 @@ class Line(Protocol):
         """Send a question with `count` lines of answer."""
         ...
 
-    def heard(self, timeout_s: float) -> str:
-        """The first line that begins from now on."""
+    def heard(self, timeout_s: float, *, onwards: bool = False) -> str:
+        """The first line that begins from now on; with `onwards` the one after the last."""
         ...
 
     def drain(self, waiting: int = 0) -> None:

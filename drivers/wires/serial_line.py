@@ -120,11 +120,12 @@ class SerialLine(PortOfLine):
             )
         return again
 
-    def heard(self, timeout_s: float) -> str:
+    def heard(self, timeout_s: float, *, onwards: bool = False) -> str:
         """The first line that begins from now on, of an instrument that talks by itself: neither an old nor a torn one.
 
         Args:
             timeout_s: longest wait for it, bench seconds.
+            onwards: the next one instead, which may have come with the last one.
 
         Raises:
             NoReply: no whole line comes.
@@ -135,9 +136,11 @@ class SerialLine(PortOfLine):
         end, raw, received = self.clock.now() + timeout_s, bytearray(), b""
         try:
             old, port.timeout = self._last, 0
-            while said := port.read(4096):  # not in_waiting: over TCP it does not say how many there are
+            if onwards:
+                old, _, received = self._last.partition(self.settings.reply_end)
+            while not onwards and (said := port.read(4096)):  # not in_waiting: over TCP it does not say how many
                 old = bytes(said)
-            torn = not old.endswith(self.settings.reply_end)
+            torn = not onwards and not old.endswith(self.settings.reply_end)
             while (left := end - self.clock.now()) > 0 and self.settings.reply_end not in received:
                 self._limit(port, left)
                 received += self._more(port, raw, left)

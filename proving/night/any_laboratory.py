@@ -127,6 +127,7 @@ class AnyLaboratory:
         noise = {name: one["noise"] for name, one in self.truth.get("references", {}).items() if one.get("noise")}
         own = self.example.get("measure", {}).get("max_sd", {})
         found = {name: own.get(name, _NOISY_STANDARD * sd) for name, sd in noise.items()}
+        found |= {name: most for name, most in own.items() if name in self.truth["sensors"]}
         return {"max_sd": found} if found else {}
 
     def _volts(self, sensor: str) -> float:

@@ -8,6 +8,7 @@ from math import hypot
 import numpy as np
 
 from proving.night.play import Played
+from rig.errors import RunFileError
 from rig.fitter.arrays import FloatArray
 from rig.fitter.split_plot import SplitPlotDesign
 from rig.procedures.tables.table import Table
@@ -15,6 +16,7 @@ from rig.sims.physics.expression import Formula
 from rig.sims.physics.laboratory_truth import AnySensorTruth, SourceTruth
 from rig.sims.physics.pressure_truth import TransducerTruth
 from rig.sims.physics.truth import SensorTruth
+from rig.sims.twin import Accurate
 from rig.tables.table_of_run import run_table
 
 
@@ -26,7 +28,10 @@ def deviations(played: Played) -> Iterator[tuple[str, float, float]]:
     factor of what the outputs differ from their formulas in the world file, which is nothing.
     """
     assert played.path is not None
-    table = run_table(played.path)
+    try:
+        table = run_table(played.path)
+    except RunFileError:  # a night in which every point was given up
+        return
     if played.scenario.lab == "attitude":
         yield from _attitude(played, table.columns)
     elif played.scenario.lab == "pressure":
@@ -67,6 +72,8 @@ def _any(played: Played, table: Table) -> Iterator[tuple[str, float, float]]:
             formula = Formula.parse(text, name, {"set"})
             there[name] = np.array([formula.value({"set": value}) for value in columns[name].tolist()])
     levels = [np.ptp(columns[name]) for name in factors]
+    if not all(levels):  # so few points were measured
+        return
     slopes = [columns[name] / span for name, span in zip(factors, levels, strict=True)]
     x = np.column_stack([np.ones(len(columns["order"])), *slopes])
     plots = columns.get("whole_plot", np.arange(len(x)))
@@ -76,6 +83,9 @@ def _any(played: Played, table: Table) -> Iterator[tuple[str, float, float]]:
     for name, sensor in bench.sensors.items():
         true = truth.sensors[name]
         assert isinstance(true, AnySensorTruth)
+        twin = played.bench.sim.twin(sensor.reader)
+        if isinstance(twin, Accurate) and twin.accuracy(sensor.channel, "V").digit > true.noise:
+            continue  # errors of its steps are no noise
         formula = Formula.parse(true.formula, name)
         settings = np.column_stack([there[n] for n in factors]).tolist()
         drawn = dict.fromkeys(truth.draws, 0.0)  # errors of settings, which whole plots are for

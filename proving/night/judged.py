@@ -95,5 +95,5 @@ class Night:
         return range(first, last)
 
 
-_ROUNDED_S = 1e-6
-"""Elapsed times are differences of clock readings."""
+_ROUNDED_S = 2e-6
+"""Elapsed times are differences of clock readings, and a reading that takes no time has a microsecond."""

@@ -213,10 +213,11 @@ def _truly(night: Night, factor: str, setpoint: float) -> float:
 
 def _near(night: Night, factor: Factor) -> float:
     """How far the truth may be from that: nothing where a person sets it; the band in which a source has settled."""
+    name = night.played.plan.bench.factors.get(factor.name)  # None of the angles of a head
     unit = unit_of(factor.name)
-    if unit in _THERE:
+    if unit in _THERE and (name is None or "source" not in night.played.bench.sim.twin(name).roles):
         return _THERE[unit]
-    name = night.played.plan.bench.factors[factor.name]
+    assert name is not None
     if night.played.plan.bench.instruments[name].driver == "person":
         return _OF_WEIGHTS
     return night.played.plan.procedure.conduct.settled(factor.axis).band

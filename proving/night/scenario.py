@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from proving.night import any_bench
 from proving.night.any_laboratory import AnyLaboratory
 from proving.night.mishaps import Mishap, drawn, fault, suspended, table
 from rig.examples import example, laboratories
@@ -140,7 +141,7 @@ def draw(
 
     Args:
         seed: any whole number.
-        lab: which example laboratory, by its folder `examples/LAB-lab`.
+        lab: which example laboratory, by its folder `examples/LAB-lab`; or `any-bench`, drawn from the seed.
         size: "full" is the example's whole procedure.
         calm: the same night with nothing going wrong.
         bench: another bench for the laboratory's procedures, "bench.toml" and the contract files that it names; None
@@ -149,12 +150,15 @@ def draw(
     full = size == "full"
     drawn_by = f"{lab} {_DRAWN_BY[size]}"
     rng = random.Random(f"{drawn_by} {seed}")
-    folder = example(f"{lab}-lab")
+    random_lab = None
+    if lab == any_bench.LAB:
+        random_lab, bench = any_bench.drawn(random.Random(f"bench {seed}"))
+    folder = example(f"{'bath' if random_lab else lab}-lab")
     if bench is None:
         text = (folder / "bench.toml").read_text(encoding="utf-8")
         bench = {"bench.toml": text if full else _fewer(text)}
     tables = tomllib.loads(bench["bench.toml"])
-    any_lab = None if lab in LABS else AnyLaboratory.of(folder, tables)
+    any_lab = random_lab or (None if lab in LABS else AnyLaboratory.of(folder, tables))
     lasts = _LASTS_S[lab][size] if any_lab is None else any_lab.lasts_s(brief=size == "brief", full=full)
     mishaps, faults = _HAPPENING[size]
     answers = () if any_lab is None else any_lab.answers(rng)
@@ -169,6 +173,8 @@ def draw(
     drivers = {name: str(one["driver"]) for name, one in tables["instruments"].items()}
     twins = {name: twin_class(texts.get(driver, driver)) for name, driver in drivers.items()}
     entries = [fault(rng, twins, rng.uniform(0.0, lasts)) for _ in range(faults)]
+    if random_lab:
+        entries = [one for one in entries if any_bench.shows(one, drivers)]
     if full:
         procedure = (folder / "procedure.toml").read_text(encoding="utf-8")
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
@@ -225,7 +226,8 @@ def of_reading(formula: str | None) -> Callable[[float], float]:
 def _check_safety(config: BenchConfig, options: Mapping[str, BaseModel], where: str) -> None:
     """Refuse `on_stop` of an instrument that is not on the bench.
 
-    And a safe setpoint outside the limits of the safe state: every run would end as unsafe.
+    And a safe setpoint outside the limits of the safe state: every run would end as unsafe. And one outside what the
+    bench allows its factor: every run would end there.
     """
     named = () if isinstance(config.safety.on_stop, str) else config.safety.on_stop
     for name in named:
@@ -238,4 +240,12 @@ def _check_safety(config: BenchConfig, options: Mapping[str, BaseModel], where: 
         if safe is not None and not low <= safe <= high:
             raise ConfigurationError(
                 f"{where}: instruments.{name}.safe_degC = {safe:g} is outside safety.ambient_degC ({low:g} to {high:g})"
+            )
+    for factor, name in config.factors.items():
+        value = getattr(options.get(name), "safe_value", None)
+        least, most = config.limits.get(factor, (-math.inf, math.inf))
+        if value is not None and not least <= value <= most:
+            raise ConfigurationError(
+                f"{where}: limits.{factor} = {least:g} to {most:g} does not include the safe_value of {name}, "
+                f"{value:g}, where every run ends: widen the limits, and keep levels in the procedure file"
             )

@@ -18,6 +18,7 @@ from rig.sims.world import World
 OVERLOAD = 9.9e37
 _INPUT = "input"
 _SHORTEST_S = 1e-6
+_FILTER_S = 0.1  # chosen: an indicator, a transmitter, a stream
 
 
 class Refused(Exception):
@@ -284,8 +285,9 @@ class Behaviour:
         reader = self.table.reader
         assert reader is not None
         t1 = t0 + max(reader.reading_s, _SHORTEST_S)
+        since = t0 if reader.reading_s else t1 - _FILTER_S  # one that says no time has its own filter
         noise = reader.noise * normal(self.plant.truth.seed, f"{self.name}/{name}/converter", event_at(t0))
         degC = self.plant.channel_degC(self.name, name, t1)  # of the thermometer that it reads, if it reads one
-        found = (degC if isfinite(degC) else self.plant.channel_V(self.name, name, t0, t1)) + noise
+        found = (degC if isfinite(degC) else self.plant.channel_V(self.name, name, since, t1)) + noise
         said = self._rounded(self.inputs.given(name, "V", t0, t1, found))
         return said if abs(said) < min(reader.overload, inf) and isfinite(said) else OVERLOAD * (1 if said > 0 else -1)

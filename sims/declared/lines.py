@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.forms import Field, Form
 from rig.sims.declared.behaviour import OVERLOAD, Behaviour, Refused, Said, places_of
+from rig.sims.wires.serial_line import bits_per_character
 from rig.sims.world import World
 
 _COMMAND_S = 0.003  # time for one line [?]
@@ -90,8 +91,17 @@ class LinesTwin(Behaviour):
 
     def _say(self, session: int) -> None:
         if session == self._session and self._host is not None:
-            for text in self.table.wire.skip:
-                self._send(self._form(text).write({}), self._host, session)
+            others = [self._form(text).write({}) for text in self.table.wire.skip]
+            for line in others:
+                self._send(line, self._host, session)
+            # it measures when the line of its reading begins
+            on_their_way_s = (
+                sum(bits_per_character(self.frame) * (len(line) + len(self._reply_end)) for line in others) / self.baud
+            )
+            self.world.call_in(on_their_way_s, partial(self._say_reading, session))
+
+    def _say_reading(self, session: int) -> None:
+        if session == self._session and self._host is not None:
             place, ask = next((place, ask) for place, ask in self.table.asks() if place.startswith("reader."))
             self._send(self._printed(ask, self.answers(place, ask, {}), {}), self._host, session)
             self._talk_on()
@@ -179,7 +189,11 @@ class LinesTwin(Behaviour):
             for one in (*every, *["-"] * (lines - len(every))):
                 # of UTF-8 its bytes, over which a checksum is made
                 line = one.encode().decode("latin-1") if self._utf8 else one
-                tx(self._framed(line).encode("latin-1") + self._reply_end)
+                said = self._framed(line).encode("latin-1") + self._reply_end
+                if self.table.wire.protocol == "stream":  # whoever begins to listen now hears that it has begun
+                    tx(said[:1])
+                    said = said[1:]
+                tx(said)
 
     def _unframed(self, text: str) -> str | None:
         """The line in its frame; None if it is for another instrument, or damaged."""
@@ -335,8 +349,8 @@ class LinesTwin(Behaviour):
                 if self.table.reader is not None and not self.table.reader.resolution
                 else f"{number:.9g}"
             )
-        if field.width and len(field.write(number)) > field.width:  # it does not fit: the largest that does
-            return float("9" * max(field.width - 2 - max(field.decimals, 0), 1))
+        if field.width and len(field.write(number)) > field.width:  # it does not fit, and no reading may look like it
+            return "*" * field.width
         return number
 
     def _unit(self) -> str:

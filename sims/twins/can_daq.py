@@ -33,7 +33,7 @@ _INPUTS = {
     "spare_voltage": "Readings.SpareVoltage",
 }
 _NOISE = {"degC": 0.002, "V": 5e-6}  # noise of a reading that integrates for 0.1 s
-_ACCURACY = {"degC": Accuracy(1.3e-2, digit=6e-5), "V": Accuracy(8e-6)}
+_ACCURACY = {"degC": Accuracy(1.3e-2, digit=6e-5), "V": Accuracy(8e-6, digit=6e-7)}
 _OUT_OF_RANGE = 1e6  # beyond the range of a signal, in any unit
 _PRODUCT, _FIRMWARE = 4, (1, 2)
 _STOP, _ACQUIRE, _IDENTIFY = range(3)

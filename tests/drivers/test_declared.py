@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import itertools
+from statistics import stdev
 
 import pytest
-from declared_bench import answers
+from declared_bench import QUIET, answers
 
 from rig.contracts.declared.forms import Form
 from rig.contracts.declared.instrument import parse
@@ -602,6 +603,24 @@ class TestStreams:
         assert {name: len(values) for name, values in found.items()} == {"humidity": 2, "air": 2}
         assert 2.0 < it.dry.world.now() - began < 6.1
         assert not it.sent
+
+    def test_a_line_that_has_begun_is_not_read(self, bench):
+        it = bench(PROBE)
+        it.it.identify()
+        it.it.prepare()
+        while it.dry.world.now() % 2.0 > 0.01:  # its lines begin every 2 s, and take 28 ms
+            it.sleep(0.005)
+        it.sleep(0.01)
+        began = it.dry.world.now()
+        it.it.start(1)
+        it.it.fetch()
+        assert it.dry.world.now() - began > 1.9
+
+    def test_its_noise_is_that_of_an_instrument_that_filters(self, bench):
+        world = {"sensors": {"air": {"formula": "20", "noise": 0.1}, "humidity": {"formula": "50", "noise": 0.1}}}
+        it = bench(PROBE, world={**QUIET, **world})
+        it.it.start(20)
+        assert 0.1 < stdev(it.it.fetch()["air"]) < 1.0  # 0.1 over a second; over a microsecond it would be 100
 
     def test_a_torn_line_is_not_read(self, bench):
         it = bench(PROBE)

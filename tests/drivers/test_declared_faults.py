@@ -123,3 +123,15 @@ reading_s = 0.1
     best = {name: min(values) for name, values in took.items()}
     assert math.isfinite(best["ours"])
     assert best["ours"] <= 1.3 * best["theirs"], best
+
+
+def test_an_open_input_of_a_file_without_a_word_for_it_is_no_reading():
+    fault = {"kind": "open-circuit", "on": "it", "at_s": 5.0, "for_s": 600.0}
+    it = DeclaredBench(PROBE, protocol="stream", world={**QUIET, "seed": 1, "faults": [fault]})
+    it.it.identify()
+    it.it.prepare()
+    it.sleep(10.0)
+    it.it.start(2)
+    with pytest.raises(DriverError, match=r"\*\*\*\*"):
+        it.it.fetch()
+    it.close()

@@ -69,3 +69,13 @@ def test_silence_and_noise_are_errors(ends):
     say(instrument, b"\r\n", b"\xff\xfe\r\n")
     with pytest.raises(BadReply, match="do baud rate and frame match"):
         line.heard(2.0)
+
+
+def test_lines_that_come_together_are_heard_one_by_one(ends):
+    line, instrument = ends
+    say(instrument, b"torn\r\n", b"# remark\r\nfirst\r\nsec", b"ond\r\n")
+    assert line.heard(2.0) == "# remark"
+    assert line.heard(2.0, onwards=True) == "first"
+    assert line.heard(2.0, onwards=True) == "second"
+    with pytest.raises(NoReply):
+        line.heard(0.05, onwards=True)

@@ -454,3 +454,25 @@ def test_a_run_file_has_one_controller_under_all_its_names(tmp_path):
 
 def test_limits_are_the_boundarys_own_and_a_fault_of_the_bench():
     assert issubclass(Refused, BenchFault)
+
+
+FLOW = """name = "flow"
+[instruments.valve]
+driver = "bronkhorst-modbus"
+address = "modbus-tcp://192.0.2.9/1"
+[instruments.dvm]
+driver = "keysight-34401a"
+address = "/dev/rig/dvm"
+[sensors.x]
+reader = "dvm"
+[factors]
+flow_pct = "valve"
+[limits]
+flow_pct = [LOW, 90]
+"""
+
+
+def test_a_safe_value_outside_the_limits_of_its_factor_is_refused():
+    check_options(parse_bench(FLOW.replace("LOW", "0"), "bench.toml"), "bench.toml")
+    with pytest.raises(ConfigurationError, match=r"flow_pct = 10 to 90 does not include the safe_value of valve, 0,"):
+        check_options(parse_bench(FLOW.replace("LOW", "10"), "bench.toml"), "bench.toml")
