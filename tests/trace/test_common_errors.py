@@ -55,3 +55,19 @@ def test_a_cause_of_whole_plots_that_all_transducers_see_is_said():
         assert other in said.cause
     clean = trace_whole_plots(data, validate=False)
     assert all(one.effects == () for one in clean.sensors.values())
+
+
+@pytest.mark.parametrize("seed", range(7000, 7004))
+def test_sensitivities_that_differ_from_plot_to_plot_are_said(seed):
+    """By 0.1 %, of which a run of a stranger's laboratory said "nothing to add" until November 2026."""
+    (found,) = trace_whole_plots(simulate(Bench(sensitivity_sd=1e-3), seed=seed), validate=False).sensors.values()
+    (said,) = (one for one in found.effects if one.kind == "noise")
+    assert (said.effect, said.stratum) == ("slopes-differ", "noise")
+    assert said.coefficients[0] == pytest.approx(1e-3 * abs(found.sensitivity), rel=0.5)
+    assert found.verdict in ("unexplained", "partly explained")
+
+
+@pytest.mark.parametrize("seed", range(7000, 7004))
+def test_sensitivities_that_are_one_are_not(seed):
+    (found,) = trace_whole_plots(simulate(Bench(), seed=seed), validate=False).sensors.values()
+    assert all(one.effect != "slopes-differ" for one in found.effects)

@@ -57,8 +57,10 @@ def redrawn(seed, slope_sd):
 def test_a_slope_that_each_whole_plot_draws_anew_is_no_effect(seed):
     """It was a drift or a step of the sensitivity, and an autocorrelation, in 4 of 5 such tables."""
     found = trace_general(redrawn(seed, 0.05), validate=False)
-    assert (found.verdict, found.effects) == ("nothing to add", ())
-    assert "whole plots differ in their slope too: effects were judged beside that" in found.notes
+    (said,) = found.effects
+    assert (found.verdict, said.effect, said.stratum) == ("unexplained", "slopes-differ", "noise")
+    assert said.unit == "y per x"
+    assert said.coefficients[0] == pytest.approx(0.05, rel=0.5)
     assert found.after.fit.dfs.max() <= 15
 
 

@@ -14,7 +14,9 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
+from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.noise import BoolArray
 from rig.fitter.trace.engine.white import Along, ByComponents, White
@@ -61,14 +63,17 @@ class Components:
             variable: (n,) over which groups may have slopes.
             scale: factor of the variances of offsets.
         """
-        mean = np.bincount(group, variable) / np.bincount(group)
-        about = variable - mean[group]
-        size = float(np.sqrt(np.mean(about**2)))
+        size, about = spread_within(group, variable), _about(group, variable)
+        one = cls(group, _before(group, order), about / (size or 1.0), np.empty((0, 3)), np.ones(len(group)))
+        return one.whole(scale)
+
+    def whole(self, scale: float) -> Components:
+        """With all covariances; `scale` is that of `of`."""
         own = list(product([0.0], SLOPES, MEMORIES))
         own += [(scale * o, s, m) for o, s, m in product(OFFSETS, SLOPES, MEMORIES)]
-        if not size:
+        if not np.any(self.variable):
             own = [one for one in own if one[1] == 0.0]
-        return cls(group, _before(group, order), about / (size or 1.0), np.array(own), np.ones(len(group)))
+        return replace(self, grid=np.array(own))
 
     @property
     def of_group(self) -> IntArray:
@@ -228,6 +233,19 @@ class Components:
         offset, slope, _ = self.grid[at].tolist()
         return np.asarray(1.0 + (offset + slope * self.variable**2) / self.sd**2)
 
+    def likeliest(self, reml: FloatArray, component: int) -> tuple[float, float]:
+        """The likeliest variance of slopes (1) or correlation within groups (2), and p of it where there is none.
+
+        Half of chi squared with one degree of freedom: a variance is on its bound (Self and Liang, JASA 82 (1987) 605).
+
+        Args:
+            reml: (G,) restricted log-likelihoods.
+            component: column of the grid.
+        """
+        likely, none = reml + 0.5 * self.prices, self.grid[:, component] == 0.0
+        gained = max(float(likely.max() - likely[none].max()), 0.0)
+        return float(self.grid[ties.highest(likely), component]), 0.5 * float(special.chdtrc(1, 2.0 * gained))
+
     def rows(self, kept: IntArray) -> Components:
         """See `Noise`. A row whose row before is not kept follows the one before that."""
         group = np.asarray(np.unique(self.group[kept], return_inverse=True)[1], np.int64)
@@ -310,6 +328,15 @@ class Components:
             moved = moved & (self.before[behind] != behind)
             behind = self.before[behind]
         return [np.flatnonzero(position == k) for k in range(1, int(position.max()) + 1)]
+
+
+def spread_within(group: IntArray, variable: FloatArray) -> float:
+    """Root mean square of a variable (n,) about its mean in each group: the unit of the variances of slopes."""
+    return float(np.sqrt(np.mean(_about(group, variable) ** 2)))
+
+
+def _about(group: IntArray, variable: FloatArray) -> FloatArray:
+    return variable - (np.bincount(group, variable) / np.bincount(group))[group]
 
 
 def _before(group: IntArray, order: IntArray) -> IntArray:

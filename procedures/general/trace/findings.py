@@ -8,12 +8,15 @@ import numpy as np
 from scipy import special
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUANTISATION
+from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUANTISATION, SLOPES_DIFFER
 from rig.fitter.gross import LEVEL
 from rig.fitter.resolution import least_sd, resolution
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.coarse import lattice
 from rig.fitter.trace.engine.both import Both
+from rig.fitter.trace.engine.components import Components, spread_within
+from rig.fitter.trace.engine.differing import CLEAR as SLOPES_CLEAR
+from rig.fitter.trace.engine.differing import SLOPES, component
 from rig.fitter.trace.engine.family import of_all
 from rig.fitter.trace.engine.judge import TableJudge
 from rig.fitter.trace.engine.noise import Wandering
@@ -61,6 +64,7 @@ def noise_findings(
     hidden = sure or shape or (wander is not None and looked.p > LEVEL)
     every = (
         wander,
+        _differing(judge, chosen, data),
         _growing(judge, chosen, growth, data),
         _found_by_fit(judge, looked)
         if looked.dropped
@@ -113,6 +117,40 @@ def _correlations(judge: TableJudge) -> FloatArray:
     """(G,) of neighbouring rows, of the covariances that are tried."""
     noise = judge.problem.noise
     return noise.correlation if isinstance(noise, Wandering | Both) else np.zeros(len(noise.memory))
+
+
+def _differing(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> FoundTableEffect | None:
+    """Slopes of whole plots or replications that scatter by more than rows explain."""
+    noise = judge.problem.noise
+    if not isinstance(noise, Components) or not np.any(noise.grid[:, 1]):
+        return None
+    sd, p = component(judge, chosen, SLOPES)
+    if p > SLOPES_CLEAR:
+        return None
+    spread = {name: spread_within(noise.group, v) for name, v in data.scene.settings.items()}
+    over = min(spread, key=lambda name: _apart(noise, data.scene.settings[name], spread[name]))
+    per_unit = sd / spread[over]
+    return _finding(
+        judge,
+        data,
+        SLOPES_DIFFER,
+        f"the slope of {data.response} over {over} differs from one of the {data.shares} to another by more than rows "
+        "explain: something that was not recorded acts on it",
+        {f"standard deviation of the slopes of {data.shares}": per_unit},
+        f"{data.response} per {over}",
+        f"slopes scatter by {per_unit:.2g}; effects were judged beside that",
+        p,
+        f"repeat some of the {data.shares} after others, and record what may act on the slope",
+        understated(judge, chosen, at=judge.beside(chosen).best, weighted=False),
+    )
+
+
+def _apart(noise: Components, v: FloatArray, spread: float) -> float:
+    """How far a setting is from the variable of the slopes."""
+    if not spread:
+        return np.inf
+    about = v - (np.bincount(noise.group, v) / np.bincount(noise.group))[noise.group]
+    return float(np.max(np.abs(about / spread - noise.variable)))
 
 
 def _growing(

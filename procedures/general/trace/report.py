@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.effects.noise_names import AUTOCORRELATION
+from rig.fitter.effects.noise_names import AUTOCORRELATION, SLOPES_DIFFER
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import DELTA
 from rig.fitter.trace.chance import ALPHA
@@ -115,7 +115,7 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
             fell=after.sigma_E < before.sigma_E,
             rest=rest,
             doubtful=bool(doubtful),
-            perhaps=any(set(one.aliases) - assumed for one in noise),
+            perhaps=any(set(one.aliases) - assumed or one.effect == SLOPES_DIFFER for one in noise),
         ),
         before=sides[0],
         after=sides[1],
@@ -126,7 +126,7 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
         fitted=parameters_of(effects, names, after.coefficients, after.stderr, after.dfs),
         notes=(
             *few_plots(found, data),
-            *_remarks(found, data, after),
+            *_remarks(found, data, after, {one.effect for one in noise}),
             *(_nearest(judge) if not chosen and not left and not noise else ()),
             *_not_predicted(lost),
             *((CONDITIONAL, UNSIGNED) if effects else ()),
@@ -344,7 +344,7 @@ def _not_predicted(rows: int) -> Iterator[str]:
         )
 
 
-def _remarks(found: Found, data: TableData, after: Estimate) -> tuple[str, ...]:
+def _remarks(found: Found, data: TableData, after: Estimate, told: Collection[str]) -> tuple[str, ...]:
     judge, remarks = found.judge, [one.sentence for one in found.not_kept]
     time, *courses = _one_course(data) or ("",)
     remarks += [swept_once(name, time) for name in courses]
@@ -356,8 +356,8 @@ def _remarks(found: Found, data: TableData, after: Estimate) -> tuple[str, ...]:
         kind = "a random walk" if correlation == 1.0 else f"a correlation of {correlation:.2f}"
         how = "are not independent" if p <= CLEAR else f"may not be independent (p = {p:.2g} by chance)"
         remarks.append(f"neighbouring rows {how}: effects were judged against {kind}")
-    if isinstance(noise, Components) and noise.grid[at, 1] > 0.0:
-        remarks.append(f"{data.shares} differ in their slope too: effects were judged beside that")
+    if isinstance(noise, Components) and noise.grid[at, 1] > 0.0 and SLOPES_DIFFER not in told:
+        remarks.append(f"{data.shares} may differ in their slope too: effects were judged beside that")
     if isinstance(noise, Components) and noise.grid[at, 2] > 0.0:
         remarks.append(
             f"neighbouring rows in {data.shares} are not independent: effects were judged against a correlation of "

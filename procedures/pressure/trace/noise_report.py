@@ -6,13 +6,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy import special
 
-from rig.fitter import ties
-from rig.fitter.effects.noise_names import AUTOCORRELATION, COMMON_ERROR
+from rig.fitter.effects.noise_names import AUTOCORRELATION, COMMON_ERROR, SLOPES_DIFFER
 from rig.fitter.quantiles import t_limit
 from rig.fitter.trace.chance import ALPHA, counted
-from rig.fitter.trace.engine.components import Components
+from rig.fitter.trace.engine.components import spread_within
+from rig.fitter.trace.engine.differing import CLEAR, MEMORY, SLOPES, component
 from rig.fitter.trace.engine.robust import told
 from rig.procedures.pressure.effects import GROWING_NOISE
 from rig.procedures.pressure.trace.common import common_error
@@ -24,7 +23,7 @@ FROM_MIDDLE = "readings scatter more the further the pressure is from the middle
 
 def noise_findings(run: Run, i: int) -> list[FoundPressureEffect]:
     """Findings of stratum "noise" about transducer `i`."""
-    found = (_growing(run, i), _remembered(run, i), _common(run, i), _outliers(run, i))
+    found = (_growing(run, i), _remembered(run, i), _differing(run, i), _common(run, i), _outliers(run, i))
     return [finding for finding in found if finding is not None]
 
 
@@ -59,14 +58,9 @@ def _growing(run: Run, i: int) -> FoundPressureEffect | None:
 def _remembered(run: Run, i: int) -> FoundPressureEffect | None:
     """Correlation of successive readings, if it is significant: by the likeliest errors with it and without."""
     one = run.unmodelled[i]
-    noise, beside = one.judge.problem.noise, one.judge.beside(one.chosen)
-    assert isinstance(noise, Components)
-    likely, still = beside.reml + 0.5 * noise.prices, noise.grid[:, 2] == 0.0
-    p = 0.5 * float(special.chdtrc(1, 2.0 * max(float(likely.max() - likely[still].max()), 0.0)))
-    p = counted(p, len(run.judge.problem.sensors))
+    rho, p = component(one.judge, one.chosen, MEMORY)
     if p > ALPHA:
         return None
-    rho = float(noise.grid[ties.highest(likely), 2])
     return _of_noise(
         run,
         i,
@@ -81,6 +75,32 @@ def _remembered(run: Run, i: int) -> FoundPressureEffect | None:
         separate_by="read one pressure for an hour, and record what may wander (temperatures, supply)",
         against="since_s",
         peak_mV=float(run.after.fits[i].sigma_subplot),
+    )
+
+
+def _differing(run: Run, i: int) -> FoundPressureEffect | None:
+    """Slopes of whole plots that scatter by more than readings explain."""
+    one = run.unmodelled[i]
+    sd, p = component(one.judge, one.chosen, SLOPES)
+    if p > CLEAR:
+        return None
+    per_psi = sd / spread_within(run.judge.problem.whole_plot, run.data.pressure_psia)
+    sensitivity = abs(run.scene.sensitivity[run.judge.problem.sensors[i]])
+    return _of_noise(
+        run,
+        i,
+        effect=SLOPES_DIFFER,
+        cause="the sensitivity differs from whole plot to whole plot by more than readings explain: something that "
+        "was not recorded acts on it, or it follows a temperature in another way than is declared",
+        terms=("standard deviation of the sensitivities of whole plots",),
+        coefficients=(per_psi,),
+        unit="mV/psi",
+        size=f"sensitivities of whole plots scatter by {per_psi:.2g} mV/psi, {100 * per_psi / sensitivity:.2g} %; "
+        "effects were judged beside that",
+        p=p,
+        separate_by="repeat a whole plot at the same temperatures after others, and set more temperatures",
+        against="elapsed_s",
+        peak_mV=per_psi * float(np.ptp(run.data.pressure_psia)),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS
+from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, SLOPES_DIFFER
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import separation
 from rig.fitter.trace.drawn import drawn, drawn_instead, drawn_period
@@ -63,7 +63,11 @@ def transducer(run: Run, i: int) -> TransducerTrace:
         sensor=sensor,
         declared=run.model,
         verdict=verdict(
-            found=bool(added), fell=not idle, rest=rest, doubtful=any(effect.doubtful for effect in effects)
+            found=bool(added),
+            fell=not idle,
+            rest=rest,
+            doubtful=any(effect.doubtful for effect in effects),
+            perhaps=any(effect.effect == SLOPES_DIFFER for effect in effects),
         ),
         before=before,
         after=after,
