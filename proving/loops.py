@@ -31,7 +31,7 @@ from rig.fitter.confirm.prediction import prediction_errors
 from rig.loop import Program, start_loop
 from rig.loop.evaluation import Evaluation
 from rig.run_file.chain import Record
-from rig.verbs.confirm import open_traced
+from rig.verbs.confirm import open_traced, traces_kept
 
 HOURS = 14.0
 Values = dict[str, Any]
@@ -214,11 +214,25 @@ def pressure_two(seed: int) -> World:
     return replace(world, true=(*world.true, frozenset({"carry-over"})))
 
 
+def voltmeter_clean(seed: int) -> World:
+    """Nothing is undeclared: whatever is confirmed is wrong."""
+    world = voltmeter(seed)
+    del world.truth["sensors"]["meter"]["hidden"]
+    return replace(world, true=(), sizes={})
+
+
+def attitude_clean(seed: int) -> World:
+    """The same."""
+    world = attitude(seed)
+    return replace(world, truth={**world.truth, "effects": {}}, true=(), sizes={})
+
+
 KINDS: dict[str, Callable[[int], World]] = {
     "voltmeter": voltmeter, "load-cell": load_cell, "attitude": attitude, "pressure": pressure,
     "voltmeter-two": voltmeter_two, "load-cell-two": load_cell_two, "load-cell-three": load_cell_three,
     "attitude-six": attitude_six, "attitude-two": attitude_two, "attitude-warm": attitude_warm,
     "attitude-three": attitude_three, "pressure-two": pressure_two,
+    "voltmeter-clean": voltmeter_clean, "attitude-clean": attitude_clean,
 }  # fmt: skip
 
 
@@ -243,7 +257,7 @@ def loop_in(folder: Path, hours: float = HOURS, **how: Any) -> Program:
 def one_loop(kind: str, seed: int) -> Outcome:
     """Conduct a loop; its figures."""
     world = KINDS[kind](seed)
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as name, traces_kept():
         files_of(kind, world, Path(name))
         program = loop_in(Path(name), 72.0 if _lab_of(kind) == "pressure" else HOURS)
         runs = [run.ended.took_s for run in program.runs if run.ended is not None]

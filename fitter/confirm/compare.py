@@ -14,6 +14,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.confirm.question import Hypothesis, Question
 from rig.fitter.confirm.together import Fit, Together, left
 from rig.fitter.linear import orthonormal
+from rig.fitter.quantiles import DISTINGUISHED, t_limit
 from rig.fitter.trace.aliases import PER_COLUMN
 
 CARRIED_ON = ("time", "temperature", "interruption", "chamber")
@@ -42,7 +43,7 @@ class Apart:
     @property
     def behind(self) -> FloatArray:
         """(M, k) standard errors by which each member is worse than the best."""
-        return np.asarray(np.sqrt(np.maximum(self.costs - self.costs.min(0), 0.0)))
+        return behind(self.costs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,22 +83,28 @@ class Comparison:
 
     def apart(self, outputs: FloatArray) -> Apart:
         """Statistics of outputs (S n, k), weighted and with the declared model removed, as `Together.outputs`."""
+        return Apart(self.costs(outputs), np.array([self.shown(j, outputs) for j in range(len(self.own))]))
+
+    def costs(self, outputs: FloatArray) -> FloatArray:
+        """(M, k) `Apart.costs` of such outputs (S n, k)."""
         fresh = np.tile(self.both.fresh, len(self.both.sensors))
         costs: list[FloatArray] = []
-        misfits, shown = [], []
-        for member, own, basis, within, gone, df in zip(
-            self.question.members, self.own, self._bases, self._within, self._gone, self._free, strict=True
-        ):
+        misfits = []
+        for member, own, basis, df in zip(self.question.members, self.own, self._bases, self._free, strict=True):
             rest = outputs - basis @ (basis.T @ outputs)
             rss, later = np.sum(rest**2, axis=0), np.sum(rest[fresh] ** 2, axis=0)
             costs.append(rss + PER_COLUMN * (own.shape[1] + searched(member)) + self._coincidence(len(costs), outputs))
             misfits.append(later / df if df >= 1.0 else np.ones_like(rss))
-            without = np.sum((outputs - gone @ (gone.T @ outputs)) ** 2, axis=0)
-            inside = rss if within is None else np.sum((outputs - within @ (within.T @ outputs)) ** 2, axis=0)
-            shown.append(np.sqrt(np.maximum(without - inside, 0.0)))
         best = np.argmin(costs, axis=0)
         misfit = np.maximum(np.take_along_axis(np.array(misfits), best[None], 0)[0], 1.0)
-        return Apart(np.array(costs) / misfit, np.array(shown))
+        return np.asarray(np.array(costs) / misfit)
+
+    def shown(self, j: int, outputs: FloatArray) -> FloatArray:
+        """(k,) `Apart.shown` of a member."""
+        gone, within = self._gone[j], self._within[j]
+        inside = self._bases[j] if within is None else within
+        without, beside = (np.sum((outputs - basis @ (basis.T @ outputs)) ** 2, axis=0) for basis in (gone, inside))
+        return np.asarray(np.sqrt(np.maximum(without - beside, 0.0)))
 
     def _coincidence(self, j: int, outputs: FloatArray) -> FloatArray:
         """(k,) price of a member's sizes after changes by a person.
@@ -158,6 +165,35 @@ class Comparison:
         fresh = np.tile(self.both.fresh, len(self.both.sensors))
         taken = self.both.leverage(self.both.fresh)
         return tuple(float(fresh.sum() - np.sum(basis[fresh] ** 2) - taken) for basis in self._bases)
+
+
+def behind(costs: FloatArray) -> FloatArray:
+    """(M, k) standard errors by which each of M members is worse than the best, by their costs (M, k)."""
+    return np.asarray(np.sqrt(np.maximum(costs - costs.min(0), 0.0)))
+
+
+def costs_so_far(made: Together, question: Question) -> FloatArray:
+    """(M,) residual sums of squares of the members in the runs that were made, with the price of columns."""
+    costs = []
+    for member in question.members:
+        rest = left(made.columns_of([*member.terms, *question.rest]), made.outputs)
+        costs.append(float(np.sum(rest**2)) + PER_COLUMN * (len(member.terms) + searched(member)))
+    return np.array(costs)
+
+
+def possible(costs: FloatArray, question: Question, df: float) -> list[int]:
+    """Numbers of the members that a forecast takes to be true, by their `costs_so_far`.
+
+    The runs that were made exclude the others: no run is planned to tell two of these apart, nor to show one of them.
+    Causes beside another one are never among them.
+
+    Args:
+        costs: (M,) of the members.
+        question: the question.
+        df: degrees of freedom of the error.
+    """
+    far = behind(costs) > t_limit(DISTINGUISHED, df)
+    return [j for j, member in enumerate(question.members) if member.several or not far[j]]
 
 
 def nuisance(both: Together, question: Question) -> FloatArray:

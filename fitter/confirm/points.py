@@ -18,7 +18,7 @@ from scipy import special
 
 from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
-from rig.fitter.confirm.compare import NOTHING, Pair, fitted_again
+from rig.fitter.confirm.compare import NOTHING, Pair, costs_so_far, fitted_again, possible
 from rig.fitter.confirm.minor_causes import notable
 from rig.fitter.confirm.question import Question
 from rig.fitter.confirm.reduced import reduced
@@ -229,26 +229,29 @@ class Points:
 
 
 def _rivals(both: Together, question: Question, units: IntArray) -> list[Rival]:
-    """Every member as a rival of the others, and the absence of every member in the later run as its rival."""
+    """Every member as a rival of the others that are possible, and the absence of one of these in the later run as its
+    rival.
+    """
     first = both.only(~both.last)
-    scale = [both.raw(member.terms) for member in question.members]
-    true = []
-    for member, raw in zip(question.members, scale, strict=True):
+    scale, true = [both.raw(member.terms) for member in question.members], {}
+    for j in possible(costs_so_far(first, question), question, both.df):
+        member = question.members[j]
         known = Fit.of(first.columns_of([*member.terms, *question.rest]), first.outputs).estimate
         if member.last:
             known = notable(first, member, question.rest, known[:, None])[:, 0]
-        true.append(raw @ known[: len(member.terms)])
+        true[j] = scale[j] @ known[: len(member.terms)]
     rest = _with_resized(both, question.rest)
     found, names = [], [member.effect for member in question.members]
     for j, member in enumerate(question.members):
         own = _with_resized(both, member.terms)
-        others = [i for i in range(len(true)) if i != j]
+        others = [i for i in true if i != j]
         if others:
             pairs = tuple((names[min(i, j)], names[max(i, j)]) for i in others)
             effects = np.concatenate([own, rest], axis=2)
             found.append(_rival(both, question, effects, pairs, [true[i] for i in others], units))
-        gone = np.concatenate([scale[j] * ~both.fresh[:, None], rest], axis=2)
-        found.append(_rival(both, question, gone, ((names[j], NOTHING),), [true[j]], units))
+        if j in true:
+            gone = np.concatenate([scale[j] * ~both.fresh[:, None], rest], axis=2)
+            found.append(_rival(both, question, gone, ((names[j], NOTHING),), [true[j]], units))
     return found
 
 

@@ -13,15 +13,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from rig.fitter.arrays import FloatArray
-from rig.fitter.confirm.compare import NOTHING, Apart, Comparison, Pair, searched
+from rig.fitter.confirm.compare import NOTHING, Comparison, Pair, behind, costs_so_far, possible
 from rig.fitter.confirm.minor_causes import notable
 from rig.fitter.confirm.question import Hypothesis, Question
 from rig.fitter.confirm.reduced import reduced
-from rig.fitter.confirm.together import RANK, Candidates, Fit, Together, left
-from rig.fitter.trace.aliases import PER_COLUMN
+from rig.fitter.confirm.together import RANK, Candidates, Fit, Together
 
 SELECTED = 3.5e-4
 """Probability at which a trace selects one candidate: 3.5 % of a run, over the hundred or so that it tries."""
@@ -50,13 +50,17 @@ class Could:
     @cached_property
     def likely(self) -> FloatArray:
         """(M,) probability of each member by the first run alone."""
-        costs = []
-        for member in self.question.members:
-            columns = self._first.columns_of([*member.terms, *self.question.rest])
-            rss = float(np.sum(left(columns, self._first.outputs) ** 2))
-            costs.append(rss + PER_COLUMN * (len(member.terms) + searched(member)))
-        weights = np.exp(-0.5 * (np.array(costs) - min(costs)))
+        weights = np.exp(-0.5 * (self._costs - min(self._costs)))
         return np.asarray(weights / weights.sum())
+
+    @cached_property
+    def possible(self) -> list[int]:
+        """Numbers of the members that may be true by the runs that were made."""
+        return possible(self._costs, self.question, self.both.df)
+
+    @cached_property
+    def _costs(self) -> FloatArray:
+        return costs_so_far(self._first, self.question)
 
     def outputs(self, member: int, draws: int) -> FloatArray:
         """(S n, draws) both runs if one member is true; weighted, with the declared model removed."""
@@ -183,20 +187,25 @@ def separation(both: Together | Sequence[Together], questions: Sequence[Question
 def _separation(ways: Sequence[Together], question: Question) -> Separation:
     could, judges = [Could(both, question) for both in ways], [Comparison(both, question) for both in ways]
     limits, likely = [member.limit(ways[0].df) for member in question.members], could[0].likely
+    true = could[0].possible
     counts = np.maximum(np.round(DRAWS / len(ways) * likely).astype(int), LEAST_OF_A_PAIR)
-    told = [_drawn(could, judges, j, int(count)) for j, count in enumerate(counts)]
+    told = _drawn(could, judges, {j: int(counts[j]) for j in true})
     counts *= len(ways)
     weight = likely / counts
     names = [member.effect for member in question.members]
-    figures: dict[Pair, tuple[FloatArray, FloatArray, FloatArray]] = {}
+    figures: dict[Pair, tuple[FloatArray, NDArray[np.bool_], FloatArray]] = {}
     for i, j in itertools.combinations(range(len(names)), 2):
-        true = [k for k, other in ((i, j), (j, i)) if not question.members[other].has(question.members[k])]
-        every = [_fallen(told[k], k, i + j - k, limits) for k in true]  # a cause alone does not exclude a pair with it
-        weights = np.repeat([weight[k] for k in true], [counts[k] for k in true])
-        values, excluded = (np.concatenate(both) for both in zip(*every, strict=True))
-        figures[names[i], names[j]] = values, excluded, weights
-    for i, name in enumerate(names):
-        figures[name, NOTHING] = told[i].shown[i], told[i].shown[i] >= limits[i], np.ones(counts[i])
+        pairs = [(k, i + j - k) for k in (i, j) if k in told]
+        # a cause alone does not exclude a pair with it
+        pairs = [(k, other) for k, other in pairs if not question.members[other].has(question.members[k])]
+        if not pairs:
+            continue
+        every = [_fallen(told[k], k, other, limits) for k, other in pairs]
+        weights = np.concatenate([np.repeat(weight[k], counts[k]) for k, _ in pairs])
+        values = np.concatenate([between for between, _ in every])
+        figures[names[i], names[j]] = values, np.concatenate([alone for _, alone in every]), weights
+    for i in true:
+        figures[names[i], NOTHING] = told[i].shown, told[i].shown >= limits[i], np.ones(counts[i])
     return Separation(
         question.effect,
         {pair: _quantile(f[0], f[2], 0.5) for pair, f in figures.items()},
@@ -205,17 +214,44 @@ def _separation(ways: Sequence[Together], question: Question) -> Separation:
     )
 
 
-def _drawn(could: Sequence[Could], judges: Sequence[Comparison], member: int, count: int) -> Apart:
-    """Results of the judge for this many runs of each course, if a member is true."""
-    told = [judge.apart(course.outputs(member, count)) for course, judge in zip(could, judges, strict=True)]
-    return Apart(np.hstack([one.costs for one in told]), np.hstack([one.shown for one in told]))
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """Results of the judge for k simulated runs, if one member is true.
+
+    Attributes:
+        costs: (M, k) as `Apart.costs`.
+        shown: (k,) standard errors by which the later run shows that member.
+    """
+
+    costs: FloatArray
+    shown: FloatArray
+
+    @cached_property
+    def behind(self) -> FloatArray:
+        """(M, k) as `Apart.behind`."""
+        return behind(self.costs)
 
 
-def _fallen(apart: Apart, true: int, false: int, limits: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+def _drawn(could: Sequence[Could], judges: Sequence[Comparison], counts: Mapping[int, int]) -> dict[int, _Drawn]:
+    """Results of the judge for so many runs of each course, for each member that may be true."""
+    ends = np.cumsum([0, *counts.values()])
+    parts: dict[int, list[tuple[FloatArray, FloatArray]]] = {member: [] for member in counts}
+    for course, judge in zip(could, judges, strict=True):
+        outputs = [course.outputs(member, count) for member, count in counts.items()]
+        costs = judge.costs(np.hstack(outputs))
+        for k, (member, own) in enumerate(zip(counts, outputs, strict=True)):
+            parts[member].append((costs[:, ends[k] : ends[k + 1]], judge.shown(member, own)))
+    return {
+        member: _Drawn(np.hstack([costs for costs, _ in own]), np.concatenate([shown for _, shown in own]))
+        for member, own in parts.items()
+    }
+
+
+def _fallen(drawn: _Drawn, true: int, false: int, limits: Sequence[float]) -> tuple[FloatArray, NDArray[np.bool_]]:
     """(k,) standard errors between a true and a false member, and whether only the false one is excluded."""
-    between = np.sqrt(np.abs(apart.costs[false] - apart.costs[true]))
-    behind = apart.behind
-    return between, (behind[false] > limits[false]) & (behind[true] <= limits[true])
+    costs, far = drawn.costs, drawn.behind
+    between = np.sqrt(np.abs(costs[false] - costs[true]))
+    return between, (far[false] > limits[false]) & (far[true] <= limits[true])
 
 
 def _quantile(values: FloatArray, weights: FloatArray, level: float) -> float:

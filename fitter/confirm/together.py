@@ -266,9 +266,8 @@ class Together(ABC):
 
     def resized_columns(self, terms: Candidates) -> FloatArray:
         """(S n, q) those columns, stacked, weighted and with the declared model removed."""
-        raw = self.resized(terms).raw
-        rest = self.stacked(raw)
-        return np.where(self._something_left(raw, rest), rest, 0.0)
+        rest, something = self._left_of(self.resized(terms).raw)
+        return np.where(something, rest, 0.0)
 
     def all_columns_of(self, terms: Candidates) -> FloatArray:
         """(S n, q) columns of effects, also for their sizes after changes by a person."""
@@ -285,9 +284,8 @@ class Together(ABC):
 
     def columns_of(self, terms: Candidates) -> FloatArray:
         """(S n, q) columns of effects, likewise; zero if next to nothing of one remains."""
-        raw = self.raw(terms)
-        rest = self.stacked(raw)
-        return np.where(self._something_left(raw, rest), rest, 0.0)
+        rest, something = self._left_of(self.raw(terms))
+        return np.where(something, rest, 0.0)
 
     def leverage(self, rows: NDArray[np.bool_]) -> float:
         """Degrees of freedom used by the declared model of all sensors in some of the observations."""
@@ -295,9 +293,8 @@ class Together(ABC):
 
     def columns_in(self, terms: Candidates, where: NDArray[np.bool_]) -> FloatArray:
         """(S n, q) columns of effects in some of the observations, zero in the others."""
-        raw = self.raw(terms) * where[:, None]
-        rest = self.stacked(raw)
-        return np.where(self._something_left(raw, rest), rest, 0.0)
+        rest, something = self._left_of(self.raw(terms) * where[:, None])
+        return np.where(something, rest, 0.0)
 
     @property
     def shifts(self) -> FloatArray:
@@ -317,9 +314,8 @@ class Together(ABC):
             blocks.append(block)
         if not blocks:
             return np.zeros((self.outputs.size, 0))
-        raw = np.concatenate(blocks, axis=2)
-        rest = self.stacked(raw)
-        return np.asarray(rest[:, self._something_left(raw, rest)])
+        rest, something = self._left_of(np.concatenate(blocks, axis=2))
+        return np.asarray(rest[:, something])
 
     def weigh(self, i: int, columns: FloatArray) -> FloatArray:
         """(n, q) columns of sensor `i` in units of its error, with own errors of groups weighted down."""
@@ -329,10 +325,12 @@ class Together(ABC):
             weighed[own.rows] = part - own.basis @ ((1.0 - own.kept)[:, None] * (own.basis.T @ part))
         return np.asarray(weighed)
 
-    def _something_left(self, raw: FloatArray, rest: FloatArray) -> NDArray[np.bool_]:
-        """(q,) whether more than rounding remains of columns, (S, n, q) unweighted and (S n, q) stacked."""
-        whole = np.sqrt(sum(np.sum(self.weigh(i, own) ** 2, axis=0) for i, own in enumerate(raw)))
-        return np.asarray(np.linalg.norm(rest, axis=0) > NOTHING_LEFT * whole)
+    def _left_of(self, raw: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """(S n, q) unweighted columns (S, n, q), as `stacked`; (q,) whether more than rounding remains of each."""
+        weighed = [self.weigh(i, own) for i, own in enumerate(raw)]
+        rest = np.concatenate([self.without_declared(i, own) for i, own in enumerate(weighed)])
+        whole = np.sqrt(sum(np.sum(own**2, axis=0) for own in weighed))
+        return rest, np.asarray(np.linalg.norm(rest, axis=0) > NOTHING_LEFT * whole)
 
     def without_declared(self, i: int, weighed: FloatArray) -> FloatArray:
         """(n, q) weighted columns of sensor `i`, with the declared model removed."""

@@ -156,14 +156,19 @@ def _size(found: Trace, sensor: SensorTrace, effect: FoundEffect, t: float) -> s
 
 
 def trace_attitude_table(
-    table: Table, *, temperature: bool | None = None, unnamed: bool = False, own: Laboratory = NOTHING
+    table: Table,
+    *,
+    temperature: bool | None = None,
+    unnamed: bool = False,
+    own: Laboratory = NOTHING,
+    validate: bool = True,
 ) -> AttitudeTraced:
     """Find effects missing in the declared model of a pitch-roll table; arguments and errors as for
-    `fit_attitude_table`.
+    `fit_attitude_table`, `validate` as for `trace`.
     """
     data, warm = attitude_data(table), with_temperature(table, temperature)
     try:
-        found = trace(data, with_own(CATALOGUE, own, Effect), temperature=warm, unnamed=unnamed)
+        found = trace(data, with_own(CATALOGUE, own, Effect), temperature=warm, unnamed=unnamed, validate=validate)
         for name, sensor in found.sensors.items():
             if not np.isfinite(sensor.before.sigma_E):
                 raise FitError(

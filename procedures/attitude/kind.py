@@ -93,7 +93,8 @@ class AttitudeKind(Kind):
         """Find effects missing in the declared model; arguments and errors as for `fit`."""
         from rig.procedures.attitude.evaluate import trace_attitude_table  # noqa: PLC0415
 
-        return trace_attitude_table(source.table, temperature=options.temperature, unnamed=options.unnamed, own=own)
+        temperature, unnamed, validate = options.temperature, options.unnamed, not options.quick
+        return trace_attitude_table(source.table, temperature=temperature, unnamed=unnamed, own=own, validate=validate)
 
     def calibration_of(self, given: Mapping[str, Any]) -> AttitudeCalibration:
         """The calibration from the JSON of `rig fit --out`. Raises the errors of indexing and converting unknown

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from rig.procedures.evaluate.results import Options
+from rig.procedures.evaluate.results import QUICK, Options
 
 _TEMPERATURE = "whether offset and sensitivity follow the sensor temperature in the declared model"
 _AS_RUN = "as the run's procedure has it under [model], else not"
@@ -32,6 +32,7 @@ class TraceOptions(Options):
 
     temperature: bool | None = Field(None, description=_TEMPERATURE, json_schema_extra={"default": _AS_RUN})
     unnamed: bool = Field(False, description="also fit smooth terms without a cause to what no effect explains")
+    quick: bool = Field(False, description=QUICK)
 
 
 class BudgetOptions(Options):

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from rig.procedures.tables.table import Table
 
 
+QUICK = "without the left-out error, which takes most of the time; same effects and sizes"
+"""Help of the option `quick` of a trace."""
+
+
 class Options(Strict):
     """Options of a command that one kind has. A field's description is its help; its default is "not given"."""
 

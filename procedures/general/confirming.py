@@ -51,7 +51,7 @@ def cannot_confirm(table: Table, options: TraceOptions) -> str:
     """Why no further run can confirm the findings in a run; see `rig.procedures.kind.Kind.cannot_confirm`."""
     if lacks := without_readings(table):
         return f"{', '.join(lacks.values())}, since a channel failed: make the run again, and trace and confirm that"
-    others = options.model_fields_set - {"response", "formula", "ignore"}
+    others = options.model_fields_set - {"response", "formula", "ignore", "quick"}
     asked = None if others else RunModels.of(table, options.response, options.formula)
     if asked is None:
         given = sorted(f"--{name.replace('_', '-')}" for name in others or {"response"})

@@ -128,8 +128,8 @@ class GeneralKind(Kind):
             from rig.procedures.general.of_runs import RunModels, reader_of, trace_run, with_failures  # noqa: PLC0415
 
             asked = RunModels.of(source.table, options.response, options.formula)
-            if asked is not None and set(_given(options)) <= {*_OF_RUNS, "ignore"}:
-                return trace_run(asked, own, ignore=_names(options.ignore))
+            if asked is not None and set(_given(options)) <= {*_OF_RUNS, "ignore", "quick"}:
+                return trace_run(asked, own, validate=not options.quick, ignore=_names(options.ignore))
             read = reader_of(source.table)
         from rig.procedures.general.column_roles import Roles  # noqa: PLC0415
         from rig.procedures.general.directions import read_direction  # noqa: PLC0415
@@ -154,7 +154,7 @@ class GeneralKind(Kind):
             date_order=options.date_order,
             own=own,
         )
-        traced = trace_general_table(read, roles)
+        traced = trace_general_table(read, roles, validate=not options.quick)
         return with_failures(traced, source.table) if source.is_run else traced
 
     def calibration_of(self, given: Mapping[str, Any]) -> CurveCalibration | Mapping[str, CurveCalibration]:

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from rig.procedures.evaluate.results import Options
+from rig.procedures.evaluate.results import QUICK, Options
 
 _IGNORE = "column(s) that the trace does not look at, as in rig trace; those that a further run recorded if left out"
 _FORMULA = "the declared model, such as '1 + x + x^2'"
@@ -91,6 +91,7 @@ class TraceOptions(Options):
     wrap: float | None = Field(
         None, description="the response is an angle with this period: wrap it to half a period on either side of zero"
     )
+    quick: bool = Field(False, description=QUICK)
 
 
 class InferOptions(Options):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import Field
 
-from rig.procedures.evaluate.results import Options
+from rig.procedures.evaluate.results import QUICK, Options
 
 _FORMULA = (
     "the declared model instead of the one that the run's procedure declares: full, II.C, eq10, hierarchical, or a "
@@ -41,9 +41,7 @@ class TraceOptions(Options):
     """Options of `rig trace`."""
 
     formula: str | None = Field(None, description=_FORMULA)
-    quick: bool = Field(
-        False, description="without the error at left-out whole plots, which takes most of the time; same findings"
-    )
+    quick: bool = Field(False, description=QUICK)
 
 
 class BudgetOptions(Options):

@@ -138,8 +138,10 @@ _TRACED: ContextVar[dict[tuple[Any, ...], Traced] | None] = ContextVar("traces",
 
 @contextmanager
 def traces_kept() -> Iterator[None]:
-    """A context in which the same columns of the same run file, with the same options, are traced once."""
-    token = _TRACED.set({})
+    """A context in which the same columns of the same run file, with the same options, are traced once; also those of
+    a context around it.
+    """
+    token = _TRACED.set({} if (kept := _TRACED.get()) is None else kept)
     try:
         yield
     finally:
@@ -190,7 +192,8 @@ def open_traced(
         read: gives the table of a run file.
         later: further runs that will judge it; columns that their confirmation ignored are ignored, unless options say
             which.
-        options: of `rig trace` that the run's kind declares.
+        options: of `rig trace` that the run's kind declares. Without the error on rows left out, unless they have
+            `quick=False`: further runs are the better test of what was found.
 
     Raises:
         UsageError: it is no run file, or its rows do not determine the declared model.
@@ -202,6 +205,8 @@ def open_traced(
         documents, run, began_utc_s = reader.documents(), reader.about(), reader.genesis().utc_s
     plan = plan_of(documents, dry=run.runs_dry, stored=True)
     kind = kind_of(plan.procedure)
+    if "quick" in kind.trace_options.model_fields:
+        options.setdefault("quick", True)
     if "ignore" in kind.trace_options.model_fields and not options.get("ignore") and (ignored := ignored_by(later)):
         options["ignore"] = list(ignored)
     reason = kind.cannot_confirm(table, kind.trace_options(**options))

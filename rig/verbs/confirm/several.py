@@ -182,4 +182,6 @@ def several(paths: Sequence[Path], given: Mapping[str, Any]) -> Several:
     Raises:
         UsageError: one is no run file, or cannot be traced.
     """
-    return Several(tuple(sorted((open_asked(path, given) for path in paths), key=lambda one: one.began_utc_s)))
+    return Several(
+        tuple(sorted((open_asked(path, {"quick": False, **given}) for path in paths), key=lambda one: one.began_utc_s))
+    )
