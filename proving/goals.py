@@ -1,11 +1,16 @@
 """Coverage of intervals of runs that stop once they are narrow enough, and replications beside an oracle's.
 
-python -m proving goals [--seeds 5] [--type_b 1.0] [--shape normal|rectangular]
+python -m proving goals [--seeds 5] [--type_b 1.0] [--shape normal|rectangular] [--effect 1.0] [--power 2]
 
 Each run is a straight line over five settings with normal errors, three replications at first and thirty at most, and a
 goal of its own for the slope. With `--type_b` the reference has an error as well, of so many standard errors of a run
 that just meets the goal; the goal is then an expanded uncertainty with it. The oracle knows the error's standard
-deviation.
+deviation, and which model is true.
+
+With `--effect` the declared model lacks a square, or a cube of the setting (`--power`), whose rms beside that model is
+so many standard deviations of a reading. As in a loop, every look is by the model so far; a test as strict as a trace's
+finds the effect in the replications, and a further run, as long as its size there asks for, has to show it. Then it is
+in the model, and replications go on by this one.
 """
 
 from __future__ import annotations
@@ -21,10 +26,18 @@ from proving.frame import Figures, Part, Results, Study
 from proving.ledger import Result
 from rig.fitter.arrays import FloatArray
 from rig.fitter.budget import Influence, TypeA, budgets
+from rig.fitter.confirm.predict import SELECTED
+from rig.fitter.quantiles import DISTINGUISHED, f_tail, t_limit
 from rig.fitter.sequential import LEVEL, t_of, widening
 
 X = np.linspace(-1.0, 1.0, 5)
 FIRST, MOST, SLOPE = 3, 30, 0.7
+SHOWS = np.linspace(-1.0, 1.0, 6)
+"""Settings of a further run, each as often as is needed."""
+RUNS, LONGEST = 3, 20
+"""Maximum number of further runs, and of readings at each of their settings."""
+SURE = 1.645
+"""Standard errors beyond the limit that are exceeded with a probability of 95 %."""
 
 
 @dataclass(frozen=True)
@@ -36,33 +49,89 @@ class Stopped:
     replications: int
     oracle: int
     met: bool
+    confirmed: bool = False
 
 
-def stopped(rng: np.random.Generator, type_b: float = 0.0, shape: Any = "normal") -> Stopped:
-    """Simulate one run; the reference's error is `type_b` standard errors of a run that just meets the goal."""
+def stopped(
+    rng: np.random.Generator, type_b: float = 0.0, shape: Any = "normal", effect: float = 0.0, power: int = 2
+) -> Stopped:
+    """Simulate one run; the reference's error is `type_b` standard errors of a run that just meets the goal.
+
+    Args:
+        rng: of the run.
+        type_b: the reference's error.
+        shape: its distribution.
+        effect: rms of what the declared model lacks, over the standard deviation of a reading.
+        power: of the setting in it.
+    """
     sigma = math.exp(rng.uniform(-1.0, 1.0))
-    design = np.column_stack([np.ones_like(X), X])
+    declared, lacking = _model(X), _model(X, power)
+    model = lacking if effect else declared
     needed = math.exp(rng.uniform(math.log(2.0), math.log(36.0)))
-    u_b = type_b * sigma / math.sqrt(needed * float(X @ X))
+    u_b = type_b * sigma * _error(model, needed)
     wrong = u_b * (rng.standard_normal() if shape == "normal" else math.sqrt(3.0) * rng.uniform(-1.0, 1.0))
-    goal = 1.96 * math.hypot(sigma / math.sqrt(needed * float(X @ X)), u_b)
+    goal = 1.96 * math.hypot(sigma * _error(model, needed), u_b)
     oracle = min(max(math.ceil(needed), FIRST), MOST)
+    size = effect * sigma / math.sqrt(_squares(declared, X**power) / len(X))
     rows: list[FloatArray] = []
     df_first, more = FIRST * len(X) - 2, len(X)
     factor = widening(float(df_first), float(more), MOST - FIRST + 1, FIRST)
+    confirmed, runs = False, 0
     for n in range(1, MOST + 1):
-        rows.append(SLOPE * X + sigma * rng.standard_normal(len(X)))
+        rows.append(SLOPE * X + size * X**power + sigma * rng.standard_normal(len(X)))
         if n < FIRST:
             continue
-        y, every = np.concatenate(rows), np.tile(design, (n, 1))
-        fitted, _, _, _ = np.linalg.lstsq(every, y, rcond=None)
-        df = len(y) - 2
-        s = math.sqrt(float(np.sum((y - every @ fitted) ** 2)) / df / (n * float(X @ X)))
+        y = np.concatenate(rows)
+        if effect and not confirmed and runs < RUNS and (seen := _found(y, declared, lacking)):
+            runs, confirmed = runs + 1, _shown(rng, size, sigma, power, seen)
+        model = lacking if confirmed else declared
+        every = np.tile(model, (n, 1))
+        fitted = np.linalg.lstsq(every, y, rcond=None)[0]
+        df = len(y) - model.shape[1]
+        s = math.sqrt(_squares(every, y) / df) * _error(model, n)
         half = _expanded(factor * s, df, u_b, shape)
         if half <= goal or n == MOST:
             off = abs(float(fitted[1]) + wrong - SLOPE)
-            return Stopped(off <= half, off <= _expanded(s, df, u_b, shape), n, oracle, half <= goal)
+            return Stopped(off <= half, off <= _expanded(s, df, u_b, shape), n, oracle, half <= goal, confirmed)
     raise AssertionError
+
+
+def _model(x: FloatArray, power: int | None = None) -> FloatArray:
+    """Columns of a straight line, and of a power beside it."""
+    return np.column_stack([np.ones_like(x), x, *([] if power is None else [x**power])])
+
+
+def _error(model: FloatArray, replications: float) -> float:
+    """Standard error of the slope, over the standard deviation of a reading."""
+    return math.sqrt(float(np.linalg.inv(model.T @ model)[1, 1]) / replications)
+
+
+def _squares(model: FloatArray, y: FloatArray) -> float:
+    """Residual sum of squares."""
+    return float(np.sum((y - model @ np.linalg.lstsq(model, y, rcond=None)[0]) ** 2))
+
+
+def _found(y: FloatArray, declared: FloatArray, lacking: FloatArray) -> float:
+    """Size of the effect over the standard deviation of a reading, if a trace of some replications finds it; or 0."""
+    count = len(y) // len(X)
+    without, beside = (_squares(np.tile(one, (count, 1)), y) for one in (declared, lacking))
+    df = len(y) - lacking.shape[1]
+    if f_tail((without - beside) / (beside / df), 1, df) >= SELECTED:
+        return 0.0
+    return abs(float(np.linalg.lstsq(np.tile(lacking, (count, 1)), y, rcond=None)[0][2])) / math.sqrt(beside / df)
+
+
+def _shown(rng: np.random.Generator, size: float, sigma: float, power: int, seen: float) -> bool:
+    """Whether a further run shows the effect by itself; its length is planned by the size that was seen."""
+    for count in range(2, LONGEST + 1):
+        model = _model(np.tile(SHOWS, count), power)
+        error, df = math.sqrt(float(np.linalg.inv(model.T @ model)[2, 2])), len(model) - model.shape[1]
+        limit = t_limit(DISTINGUISHED, df)
+        if seen > error * (limit + SURE):
+            break
+    y = size * model[:, 2] + sigma * rng.standard_normal(len(model))
+    fitted, s = np.linalg.lstsq(model, y, rcond=None)[0], math.sqrt(_squares(model, y) / df)
+    return bool(abs(float(fitted[2])) > limit * error * s)
 
 
 def _expanded(s: float, df: float, u_b: float, shape: Any) -> float:
@@ -75,23 +144,25 @@ def _expanded(s: float, df: float, u_b: float, shape: Any) -> float:
     return told[0].expanded_uncertainty
 
 
-def goals(runs: int = 1000, type_b: float = 0.0, shape: str = "normal") -> Study:
-    """Coverage of intervals, to be 94 to 96 %; `--type_b` in standard errors of a run, `--shape` normal or rectangular.
+def goals(runs: int = 1000, type_b: float = 0.0, shape: str = "normal", effect: float = 0.0, power: int = 2) -> Study:
+    """Coverage of intervals, to be 94 to 96 %; `--type_b` in standard errors of a run, `--shape` normal or rectangular,
+    `--effect` in standard deviations of a reading, `--power` of the setting.
 
     A seed is a stream of runs.
     """
-    case = partial(_stream, runs=runs, type_b=type_b, shape=shape)
+    case = partial(_stream, runs=runs, how=(type_b, shape, effect, power))
     return Study({"runs": case}, _figures, fails=lambda rows: not 0.94 <= rows["runs"]["intervals that hold"] <= 0.96)
 
 
-def _stream(seed: int, runs: int, type_b: float, shape: str) -> Result:
+def _stream(seed: int, runs: int, how: tuple[Any, ...]) -> Result:
     rng = np.random.default_rng(seed)
-    return {"runs": [astuple(stopped(rng, type_b, shape)) for _ in range(runs)]}
+    return {"runs": [astuple(stopped(rng, *how)) for _ in range(runs)]}
 
 
 def _figures(results: Results) -> Figures:
     told = [Stopped(*one) for result in results for one in result["runs"]]
     met = [one for one in told if one.met]
+    confirmed = [one.covered for one in told if one.confirmed]
     early = [one.covered for one in told if one.replications < one.oracle]
     ratio = np.mean([one.replications for one in met]) / np.mean([one.oracle for one in met])
     return {
@@ -99,6 +170,8 @@ def _figures(results: Results) -> Figures:
         "stated": LEVEL,
         "by Student's t alone": float(np.mean([one.by_t for one in told])),
         "of runs that stopped before the oracle": float(np.mean(early)),
+        "with a confirmed effect": len(confirmed),
+        "of these, intervals that hold": float(np.mean(confirmed)) if confirmed else None,
         "goal met": len(met),
         "replications over the oracle's": float(ratio),
         "of": len(told),

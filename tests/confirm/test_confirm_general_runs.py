@@ -102,7 +102,7 @@ def test_what_the_trace_ignored_is_ignored_by_the_run_that_confirms_it(tmp_path,
     traced = confirm_first.trace_table
     monkeypatch.setattr(confirm_first, "trace_table", lambda *a, **o: asked.append(o) or traced(*a, **o))
     first = confirm_first.open_traced(run, ignore=["force_side"])
-    assert asked == [{"ignore": ["force_side"]}]
+    assert asked == [{"ignore": ["force_side"], "quick": True}]
     assert first.command.endswith(" --ignore force_side")
     assert all("force_side" in one.roles.ignore for one in first.traced.each.values())  # type: ignore[attr-defined]
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from proving.truth import attitude
-from rig.fitter.confirm import Later, Points, questions_of
-from rig.fitter.confirm.compare import Comparison
+from rig.fitter.confirm import Later, Points, questions_of, separation
+from rig.fitter.confirm.compare import NOTHING, Comparison, possible
+from rig.fitter.confirm.question import Hypothesis
 from rig.fitter.confirm.reduced import Reduced
 from rig.procedures.attitude.confirming import short_path
 from rig.procedures.attitude.data import AttitudeData
@@ -123,6 +124,26 @@ def test_a_pair_that_no_point_separates_has_no_influence(opened) -> None:
     assert names
     choice = points.choose([10], 0.0)[0].better
     assert choice.sigmas > 0.0
+
+
+def test_nothing_is_planned_between_causes_that_the_runs_so_far_exclude(opened) -> None:
+    """A question near the noise had 26 causes, 22 of them excluded barely: a decision took 100 s."""
+    first, found, question = opened
+    excluded = [one for one in found.explanations[question.effect] if one.sigmas > 4.0][:2]
+    far = [Hypothesis(one.effect, one.terms, one.sigmas, near=True) for one in excluded]
+    question = replace(question, members=(*question.members, *far))
+    points = [(p, r) for p in np.linspace(-180, 180, 13) for r in (0.0, 90.0)]
+    both = AttitudeTogether.of(found, first, [Later(planned(points), DAY_S)])
+    rivals = Points.of([both], [question], np.arange(len(points)), len(points)).rivals
+    told = separation(both, [question])[0].chances.keys()
+    alike, apart = {PADS, HEAD}, {one.effect for one in far}
+    assert len(apart) == 2
+    for pairs in ({pair for rival in rivals for pair in rival.pairs}, told):
+        assert {frozenset(pair) for pair in pairs} == {
+            frozenset({one, other}) for one in alike for other in {*alike, *apart, NOTHING} - {one}
+        }
+    beside = replace(question, members=(*question.members, question.members[0].beside(far[0])))
+    assert possible(np.array([0.0, 4.0, 16.0, 20.0, 16.0]), beside, both.df) == [0, 1, 4]
 
 
 def test_a_design_of_listed_points() -> None:

@@ -66,7 +66,8 @@ def best(first: First, group: Sequence[Variation]) -> Proposal:
         return _cheapest([proposal for proposal in tried if proposal.hours <= min(settled)])
     largest = _proposal(first, group[-1])
     if not tried or largest.told > max(proposal.told for proposal in tried) + STEP:
-        most = max((proposal.points for proposal in tried), default=0)
+        worth = [proposal for proposal in tried if proposal.likely or proposal.hours <= _first_h(first)]
+        most = max((proposal.points for proposal in worth), default=0)
         tried += _whole(first, [variation for variation in group[:-1] if len(variation.run_list) > most], largest)
     return _worth_its_time(first, [*tried, largest])
 
