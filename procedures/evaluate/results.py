@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import IO, TYPE_CHECKING, Any, Protocol
+from typing import IO, TYPE_CHECKING, Any, ClassVar, Protocol
 
 from rig.procedures.plan.settings import Strict
 
@@ -21,7 +21,13 @@ QUICK = "without the left-out error, which takes most of the time; same effects 
 
 
 class Options(Strict):
-    """Options of a command that one kind has. A field's description is its help; its default is "not given"."""
+    """Options of a command that one kind has. A field's description is its help; its default is "not given".
+
+    Attributes:
+        doubts_by_left_out: whether a trace doubts names by the left-out error, so that `quick` knows fewer doubts.
+    """
+
+    doubts_by_left_out: ClassVar[bool] = False
 
 
 class Source(Protocol):

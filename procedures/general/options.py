@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -66,6 +66,8 @@ class BudgetOptions(Options):
 
 class TraceOptions(Options):
     """Options of `rig trace`."""
+
+    doubts_by_left_out: ClassVar[bool] = True
 
     response: str | None = Field(None, description="the column to be explained, or arithmetic of columns")
     formula: str | None = Field(None, description=_FORMULA)

@@ -69,8 +69,8 @@ class Found:
 def found_in(of: OfRun, path: Path, later: Sequence[Path] = (), equipment: Path | None = None, **options: Any) -> Found:
     """The trace of a run, and what further runs say of its effects together.
 
-    The findings are those of a whole trace; where the kind has a quick one, errors that nobody asks for here are not
-    computed.
+    The findings and doubts are those of a whole trace; where a quick one has them too, errors that nobody asks for here
+    are not computed.
 
     Args:
         of: the run, with the corrections of its certificates.
@@ -83,7 +83,7 @@ def found_in(of: OfRun, path: Path, later: Sequence[Path] = (), equipment: Path 
     if options.get("ignore") and "ignore" not in fields:
         raise UsageError(f"--ignore: the trace of {of.kind.title} ignores no columns")
     given = {name: value for name, value in options.items() if name in fields}
-    given |= {"quick": True} if "quick" in fields else {}
+    given |= {"quick": not of.kind.trace_options.doubts_by_left_out} if "quick" in fields else {}
     if not later:
         return Found(trace_table(of.table, **given).outcomes, ignored=tuple(options.get("ignore") or ()))
     from rig.verbs.confirm import judge, open_traced  # noqa: PLC0415 - few runs have further ones
