@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from rig.contracts.declared.exchanges import Check
+from rig.contracts.declared.forms import Form
 
 _OPERATORS: Mapping[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -82,10 +83,12 @@ def wrong_choices(choices: Mapping[str, Iterable[str | float]], known: Mapping[s
 
 
 def wrong_answers(checks: Iterable[Check], known: Mapping[str, str | float]) -> Iterator[str]:
-    """Right answers that name no parameter."""
+    """Right answers that name no parameter, or are in no field."""
     for one in checks:
         if (name := _named(one)) and name not in known:
             yield f"check of {one.said}: {one.is_} is no parameter"
+        if one.answer and not any(Form(form).fields for form in one.answer):
+            yield f"check of {one.said}: no field of {one.answer[0]!r} could be {one.is_}; write {{value}} or {{text}}"
 
 
 def wrong_formulas(formulas: Mapping[str, str], known: Mapping[str, str | float], *, reads: bool) -> Iterator[str]:

@@ -7,17 +7,19 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from rig.contracts.declared.exchanges import Ask, Tell
 from rig.contracts.declared.forms import TEXTS, Form, step_of
 from rig.contracts.declared.instrument import Instrument
 from rig.contracts.declared.sums import Frame
 from rig.contracts.declared.units import same_unit
+from rig.drivers.clock import Clock
 from rig.drivers.declared.lines import LinesTalk
 from rig.drivers.declared.talk import NOTHING, Answer, Holes
 from rig.drivers.errors import BadReply, InstrumentError, NoReply
 from rig.drivers.scpi import agrees, forget_errors
+from rig.drivers.wires import Wires
+from rig.drivers.wires.serial_options import LineSettings
 
 _NUMBER = re.compile(r"[+-]?[0-9]+(\.[0-9]*)?")
 _PERIODS = 3  # a line that is torn, one that is lost, and one more
@@ -39,8 +41,17 @@ class _Compiled:
 class TextTalk(LinesTalk):
     """An instrument that takes lines of text, with the meaning of its answers; arguments and errors as `LinesTalk`."""
 
-    def __init__(self, table: Instrument, *rest: Any) -> None:
-        super().__init__(table, *rest)
+    def __init__(
+        self,
+        table: Instrument,
+        name: str,
+        address: str,
+        settings: LineSettings,
+        parameters: Mapping[str, str | float],
+        wires: Wires,
+        clock: Clock,
+    ) -> None:
+        super().__init__(table, name, address, settings, parameters, wires, clock)
         self._compiled: dict[int, _Compiled] = {}
         self._refusals = [self._form(text) for text in table.errors.replies]
         self._errors = [self._form(text) for text in table.errors.answer]

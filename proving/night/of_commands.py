@@ -41,9 +41,12 @@ def left_alone(night: Night) -> Iterator[str]:
     """Nothing is vented but at the end of a session, or before a new whole plot."""
     edges = [s.ended_s for s in night.played.sessions]
     vents = (change.t_s for change in night.tape.changes if (change.what, change.value) == ("vent", "open"))
+    stopped = [(one.at_s, one.options["for_s"]) for one in night.played.scenario.mishaps if one.kind == "suspend"]
     for t in vents:
         end = next((e for e in edges if e >= t - _ON_ITS_WAY_S), None)
-        if end is None or end - t > _VENTING_S:
+        # a controller that is stopped meanwhile ends when it is back
+        away_s = sum(for_s for at_s, for_s in stopped if end is not None and t <= at_s <= end)
+        if end is None or end - t - away_s > _VENTING_S:
             yield f"the line was vented at {t:.0f} s, in the middle of a session"
 
 

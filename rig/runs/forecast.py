@@ -162,7 +162,10 @@ def _at_rest(result: Result) -> str:
     """What to look at if limits were left before the first point; "" otherwise."""
     if len(result.state.accepted) or ", outside " not in result.message:
         return ""
-    return "\nnothing had been set yet: the limits have to include the value at rest, before the first setting"
+    return (
+        "\nnothing had been set yet: the limits have to include the value at rest, before the first setting; "
+        "that of a twin is `rest` in [sources.FACTOR] of the world file"
+    )
 
 
 @contextlib.contextmanager

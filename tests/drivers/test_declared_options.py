@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
+
 import pytest
 from declared_bench import DeclaredBench
 from pydantic import ValidationError
@@ -158,3 +160,10 @@ def test_a_lost_character_of_an_exponent_is_noticed(text):
         assert Form(f"{{{field}:+.8e2}}").read("+1.23456789E+02") is not None
         assert Form(f"{{{field}:+.8e2}}").read(text) is None
     assert Form("{values:+.8e2}").read("+1.23456789E+02,-1.23456789E-02") is not None
+
+
+def test_a_right_answer_that_no_field_can_have_is_refused():
+    text = (files("rig.drivers.declared") / "julabo_fp50.toml").read_text()
+    text = text.replace('{ ask = "in_sp_06", is = 0 }', '{ ask = "in_sp_06", answer = "{} C", is = 0 }')
+    with pytest.raises(ValueError, match=r"check of in_sp_06: no field of '\{\} C' could be 0"):
+        parse(text)
