@@ -53,6 +53,7 @@ ORDER = "order"
 """Column of the executed position."""
 NEAREST = 0.1
 """Largest p of an effect that is told as the nearest to significance, where nothing was found."""
+NOT_ASKED = "no rows were left out (--quick): a name with which those are predicted worse is not doubted here"
 CONSTANT = 0.99
 """Share of a column between whole plots from which it counts as constant in them."""
 
@@ -130,6 +131,7 @@ def trace_general(data: TableData, *, validate: bool = True) -> TableTrace:
             *(_nearest(judge) if not chosen and not left and not noise else ()),
             *_not_predicted(lost),
             *((CONDITIONAL, UNSIGNED) if effects else ()),
+            *((NOT_ASKED,) if effects and not validate else ()),
             *of_left_out(
                 cv[0],
                 cv[1],
