@@ -63,7 +63,7 @@ class Components:
             variable: (n,) over which groups may have slopes.
             scale: factor of the variances of offsets.
         """
-        size, about = spread_within(group, variable), _about(group, variable)
+        size, about = spread_within(group, variable), about_means(group, variable)
         one = cls(group, _before(group, order), about / (size or 1.0), np.empty((0, 3)), np.ones(len(group)))
         return one.whole(scale)
 
@@ -332,10 +332,11 @@ class Components:
 
 def spread_within(group: IntArray, variable: FloatArray) -> float:
     """Root mean square of a variable (n,) about its mean in each group: the unit of the variances of slopes."""
-    return float(np.sqrt(np.mean(_about(group, variable) ** 2)))
+    return float(np.sqrt(np.mean(about_means(group, variable) ** 2)))
 
 
-def _about(group: IntArray, variable: FloatArray) -> FloatArray:
+def about_means(group: IntArray, variable: FloatArray) -> FloatArray:
+    """(n,) a variable less its mean in each group."""
     return variable - (np.bincount(group, variable) / np.bincount(group))[group]
 
 

@@ -14,7 +14,7 @@ from rig.fitter.resolution import least_sd, resolution
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.coarse import lattice
 from rig.fitter.trace.engine.both import Both
-from rig.fitter.trace.engine.components import Components, spread_within
+from rig.fitter.trace.engine.components import Components, about_means, spread_within
 from rig.fitter.trace.engine.differing import CLEAR as SLOPES_CLEAR
 from rig.fitter.trace.engine.differing import SLOPES, component
 from rig.fitter.trace.engine.family import of_all
@@ -149,8 +149,7 @@ def _apart(noise: Components, v: FloatArray, spread: float) -> float:
     """How far a setting is from the variable of the slopes."""
     if not spread:
         return np.inf
-    about = v - (np.bincount(noise.group, v) / np.bincount(noise.group))[noise.group]
-    return float(np.max(np.abs(about / spread - noise.variable)))
+    return float(np.max(np.abs(about_means(noise.group, v) / spread - noise.variable)))
 
 
 def _growing(
