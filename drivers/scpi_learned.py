@@ -37,7 +37,8 @@ class PrintedForm:
     """The form of the readings of one meter: `+#.####E+##`, `#.##` (two decimals) or `#. 5` (five digits).
 
     A form that one reading does not have is dropped. A meter without a form that all readings have has none. So does
-    one that prints another form twice in succession.
+    one that prints another form twice in succession. Numbers with an exponent are hardly ever printed in two forms:
+    where the first of them differ, nobody knows which are whole, so all are asked again and learning begins anew.
     """
 
     def __init__(self) -> None:
@@ -68,14 +69,21 @@ class PrintedForm:
             if kept and (sign in ("-", self._sign) or not self._sign):
                 self._forms = kept
                 self._sign = self._sign or (sign if sign == "+" else "")
-            elif self._forms and self._seen >= _FEWEST and not self._refused:
+            elif self._forms and not self._refused and (self._seen >= _FEWEST or _exponents(self._forms, forms)):
                 self._refused = True
+                if self._seen < _FEWEST:
+                    self._seen, self._forms, self._sign = 0, None, ""
                 return number
             else:
                 self._forms = frozenset()
             self._seen = min(self._seen + 1, _FEWEST)
         self._refused = False
         return ""
+
+
+def _exponents(*several: frozenset[str]) -> bool:
+    """Whether all of these forms have an exponent."""
+    return all("E" in form.upper() for forms in several for form in forms)
 
 
 def _forms(number: str) -> tuple[str, frozenset[str]]:

@@ -38,7 +38,10 @@ class Reader(Strict):
     select: Tells = Field((), description="commands that choose a channel")
     settle_s: float = Field(0.0, ge=0, le=3600, description="wait after choosing")
     discard: int = Field(0, ge=0, le=100, description="readings that are not used after choosing")
-    confirm: Ask | None = Field(None, description="question after choosing; its answer form has {channel}")
+    confirm: Ask | None = Field(
+        None,
+        description="question before each reading: for the channel chosen, {channel}; an older answer then shows",
+    )
     start: Tells = Field((), description="starts {count} readings, which it keeps")
     fetch: Ask | None = Field(
         None, description="with start: asks for them, answer with {values}, or {value} if most is 1"

@@ -147,6 +147,7 @@ class DeclaredReader(Declared):
         if not self._one_by_one:
             reading = self._reader.reading
             assert reading is not None
+            self._confirmed({})
             taken = self._taken(reading, {})
 
             def read(name: str, one: Channel) -> tuple[str, float]:
@@ -183,11 +184,19 @@ class DeclaredReader(Declared):
             self._talk.tell(command, holes)
         if reader.settle_s:
             self._clock.sleep(reader.settle_s)
-        if reader.confirm is not None:
-            self._talk.ask(reader.confirm, holes)
+        self._confirmed(holes)
         for _ in range(reader.discard):
             self._taken(ask, holes)
-        return [self._read(ask, one, self._taken(ask, holes)) for _ in range(count)]
+        found = [self._read(ask, one, self._taken(ask, holes))]
+        for _ in range(1, count):
+            self._confirmed(holes)
+            found.append(self._read(ask, one, self._taken(ask, holes)))
+        return found
+
+    def _confirmed(self, holes: Mapping[str, float | str]) -> None:
+        """Ask what is to be asked before a reading: after it, an answer to an earlier question for one is none."""
+        if self._reader.confirm is not None:
+            self._talk.ask(self._reader.confirm, holes)
 
     def _taken(self, ask: Ask, holes: Mapping[str, float | str]) -> Answer:
         """An answer that is stable, as the file demands. Raises `NotReady` if none becomes so."""

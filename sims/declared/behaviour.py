@@ -183,7 +183,7 @@ class Behaviour:
                 near = quantity.on and quantity.settled(now, self._within())
                 return Said(float(near), "stable" if near else "unstable")
             case "reader.confirm":
-                return Said(fields={"channel": self._selected})
+                return Said(fields={**self._identity(), "channel": self._selected})
             case "reader.fetch":
                 return self._fetched()
         return self._read(place, ask, holes)

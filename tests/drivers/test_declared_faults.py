@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
 import math
 import time
 
@@ -9,6 +11,7 @@ import pytest
 from declared_bench import QUIET, DeclaredBench
 from test_declared import BALANCE, BATH, MAP, NODES, PROBE, SCANNER, VENTED
 
+from rig.bench.plugins import declared
 from rig.drivers.errors import DriverError
 from rig.drivers.roles import Reader, Source
 from rig.sims.declared import twin_of
@@ -87,6 +90,34 @@ def test_a_reading_that_comes_through_is_a_reading(family):
         it.close()
     assert taken > 50
     assert wrong == 0
+
+
+UNNUMBERED = ("hp-3458a", "isotech-millik", "keithley-2000", "keithley-dmm6500", "mettler-sics")
+"""Supplied ones whose readings bear no number."""
+
+
+@pytest.mark.parametrize("name", UNNUMBERED)
+def test_a_reading_without_a_number_is_not_an_old_one(name):
+    """`rig night --lab any-bench --seed 4669`: answers to the question before, as many as a fault may have."""
+    taken = old = happened = 0
+    for seed in range(12):
+        fault = {"kind": "wrong-reply", "on": "it", "times": 1 + seed % 8, "exchange": 20 + 3 * seed}
+        it = DeclaredBench(declared()[name], world={**QUIET, "faults": [fault]})
+        it.it.prepare()
+        numbers = itertools.count(1)
+        it.twin._measured = lambda name, t0, numbers=numbers: next(numbers) / 50.0
+        for _ in range(15):
+            since = next(numbers) / 50.0
+            with contextlib.suppress(DriverError):
+                it.it.start(3)
+                for values in it.it.fetch().values():
+                    taken += len(values)
+                    old += sum(now < before + 0.01 for before, now in itertools.pairwise((since, *values)))
+        happened += len(it.dry.sim.faults.happened)
+        it.close()
+    assert happened > 12
+    assert taken > 200
+    assert old == 0
 
 
 def test_an_exchange_takes_no_longer_than_that_of_a_handwritten_driver():

@@ -259,6 +259,20 @@ def test_a_form_is_learned_and_one_other_reading_is_refused():
     assert form.strange(["5"]) == ""
 
 
+def test_numbers_with_an_exponent_that_differ_at_first_are_asked_again():
+    """`rig night --lab any-bench --seed 4514`: two digits are lost from the first three readings of all."""
+    form, cut = PrintedForm(), ["+2.7011140E+02", "+2.7011702E+02", "+2.7011043E+02"]
+    whole = ["+2.701151140E+02", "+2.701185702E+02", "+2.701115043E+02"]
+    assert form.strange([*cut, *whole]) == whole[0]
+    assert form.strange([*whole, *whole]) == ""
+    assert form.strange(cut) == cut[0]
+
+
+def test_a_meter_whose_numbers_with_an_exponent_vary_is_asked_again_once():
+    form, numbers = PrintedForm(), ["1.5E-05", "1.25E-05"] * 3
+    assert [form.strange(numbers), form.strange(numbers), form.strange(["2E-05"])] == [numbers[1], "", ""]
+
+
 def test_a_sign_that_is_always_there_cannot_be_lost():
     form = PrintedForm()
     assert form.strange(NR3) == ""
