@@ -164,7 +164,7 @@ def _campaign(seeds: range, lab: str, which: _Nights, place: Place, console: Con
     from proving.seeds import Digest  # noqa: PLC0415
 
     digest = Digest()
-    total = Counter(dict.fromkeys(("nights", "sessions", "happened", "skipped", "violations"), 0))
+    total = Counter(dict.fromkeys(("nights", "sessions", "happened", "skipped", "violations", "unknowable"), 0))
     found: list[str] = []
     off: list[tuple[str, float, float]] = []
     results = place.results(nights(lab, **which.asked), seeds)
@@ -177,7 +177,10 @@ def _campaign(seeds: range, lab: str, which: _Nights, place: Place, console: Con
             total["happened"] += verdict.happened
             total["skipped"] += verdict.skipped
             total["violations"] += bool(verdict.violations)
+            total["unknowable"] += bool(verdict.unknowable)
             off += verdict.deviations
+            for one in verdict.unknowable:
+                err.print(f"{lab} seed {verdict.seed}: nobody could know: {escape(one.unknowable)}", soft_wrap=True)
             for violation in verdict.violations:
                 line = f"seed {verdict.seed}: {violation.invariant}: {violation.what}"
                 found.append(line)
@@ -193,6 +196,8 @@ def _campaign(seeds: range, lab: str, which: _Nights, place: Place, console: Con
         f"{lab}: {total['nights']} nights, {total['happened']} things that went wrong, {total['sessions']} sessions, "
         f"{total['skipped']} points given up for a reason; {total['violations']} nights in which something did not hold"
     )
+    if total["unknowable"]:
+        words += f", {total['unknowable']} in which nobody could know better"
     console.print(words, soft_wrap=True)
     if bias is not None:
         console.print(f"  {bias}", soft_wrap=True)
@@ -224,6 +229,8 @@ def _replay(seed: int, lab: str, nights: _Nights, keep: Path | None) -> int:
         out.print(escape(line), soft_wrap=True, highlight=False)
     for violation in verdict.violations:
         err.print(f"[red]does not hold:[/] {escape(violation.invariant)}: {escape(violation.what)}", soft_wrap=True)
-    if not verdict.violations:
+    for one in verdict.unknowable:
+        err.print(f"nobody could know ({escape(one.unknowable)}): {escape(one.invariant)}", soft_wrap=True)
+    if not verdict.violations and not verdict.unknowable:
         err.print("everything holds")
     return ExitCode.FAULT if verdict.violations else ExitCode.DONE

@@ -197,6 +197,26 @@ class Declared:
             return Setting(check.said, declared=declared, why_not=str(error))
         return Setting(check.said, found.printed, declared, same=same)
 
+    def unwatched(self) -> Sequence[str]:
+        """What nothing in its file would show, in words."""
+        table, reader, source = self.table, self.table.reader, self.table.source
+        asked = table.lines and table.wire.protocol != "stream"
+        unread = [one for one in table.prepare if not any(_asks_for(check, one) for check in table.check)]
+        found = {
+            "whether a command was refused (errors)": asked and table.errors.ask is None and not table.errors.replies,
+            f"what {', '.join(one.said for one in unread)} set (check)": bool(unread),
+            "a setting that is changed at its panel (check)": not table.check and not table.healthy,
+            "that its power was off (mark)": not table.remembers,
+            "its setpoint (source.setpoint)": source is not None and source.setpoint is None,
+            "whether it is on (source.output)": source is not None and bool(source.on) and source.output is None,
+            "an answer to an earlier question for a reading (reader.number, reader.confirm)": asked
+            and reader is not None
+            and not reader.number
+            and reader.confirm is None
+            and "{mark" not in "".join(command.said for command in reader.start),
+        }
+        return tuple(what for what, so in found.items() if so)
+
     def without_point(self) -> Sequence[str]:
         """Numbers without a decimal point that were read last, beside what they were taken for, in words."""
         told = []

@@ -19,6 +19,7 @@ from rig.procedures.errors import DataError
 from rig.procedures.evaluate.acceptance import Verdict
 from rig.procedures.evaluate.results import Page, PlainFitted
 from rig.procedures.evaluate.trace_shown import in_full
+from rig.procedures.general.as_read_back import as_read_back
 from rig.procedures.general.column_roles import Roles
 from rig.procedures.general.common import Common, common_of
 from rig.procedures.general.declared import Declared
@@ -211,7 +212,12 @@ def fit_run(asked: RunModels, leave_out: Sequence[str] = (), at: Sequence[Mappin
         declared = declared_of(model, table)
         one = fit_general(read, column, None, plots, None, leave_out, declared, at=at)
         moving = sentences(table.moving, column, table.factors).values()
-        found[column] = _noted({**one, "data": {**one["data"], **table.provenance}}, [*notes, *moving])
+
+        def fit(there: Table, column: str = column, declared: Declared = declared) -> dict[str, Any]:
+            return fit_general(reader_of(there), column, None, plots, None, leave_out, declared, first_look=True)
+
+        more = [*notes, *moving, *as_read_back(table, one, fit)]
+        found[column] = _noted({**one, "data": {**one["data"], **table.provenance}}, more)
     if len(found) == 1:
         return RunFitted(next(iter(found.values())))
     first = next(iter(found.values()))

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import repeat
 from math import hypot
 
 import numpy as np
 
+from proving.night.judged import Night
 from proving.night.play import Played
 from rig.errors import RunFileError
 from rig.fitter.arrays import FloatArray
 from rig.fitter.split_plot import SplitPlotDesign
 from rig.procedures.tables.table import Table
+from rig.run_file.read.reader import RunReader
 from rig.sims.physics.expression import Formula
-from rig.sims.physics.laboratory_truth import AnySensorTruth, SourceTruth
+from rig.sims.physics.laboratory_truth import AnySensorTruth
 from rig.sims.physics.pressure_truth import TransducerTruth
 from rig.sims.physics.truth import SensorTruth
 from rig.sims.twin import Accurate
@@ -25,7 +29,7 @@ def deviations(played: Played) -> Iterator[tuple[str, float, float]]:
 
     Attitude: offset and sensitivity of every sensor, by least squares of a single sphere of gravity; pressure:
     offset and sensitivity, whole plots with an error of their own; any other laboratory: offset and slope over every
-    factor of what the outputs differ from their formulas in the world file, which is nothing.
+    factor of what the outputs differ from their formulas in the world file at the true settings, which is nothing.
     """
     assert played.path is not None
     try:
@@ -65,12 +69,6 @@ def _attitude(played: Played, columns: Mapping[str, FloatArray]) -> Iterator[tup
 def _any(played: Played, table: Table) -> Iterator[tuple[str, float, float]]:
     truth, bench, columns = played.bench.sim.plant.truth, played.plan.bench, table.columns
     factors = table.factors
-    there = {name: columns[name] for name in factors}
-    for name in factors:
-        text = truth.sources.get(name, SourceTruth()).formula
-        if text and name not in bench.references:  # a reference reads the true value
-            formula = Formula.parse(text, name, {"set"})
-            there[name] = np.array([formula.value({"set": value}) for value in columns[name].tolist()])
     levels = [np.ptp(columns[name]) for name in factors]
     if not all(levels):  # so few points were measured
         return
@@ -80,6 +78,7 @@ def _any(played: Played, table: Table) -> Iterator[tuple[str, float, float]]:
     terms = ("1", *factors)
     if len(x) - len(terms) < _FEWEST or len(np.unique(plots)) <= len(terms):
         return
+    moments = _moments(played, columns)
     for name, sensor in bench.sensors.items():
         true = truth.sensors[name]
         assert isinstance(true, AnySensorTruth)
@@ -87,9 +86,10 @@ def _any(played: Played, table: Table) -> Iterator[tuple[str, float, float]]:
         if isinstance(twin, Accurate) and twin.accuracy(sensor.channel, "V").digit > true.noise:
             continue  # errors of its steps are no noise
         formula = Formula.parse(true.formula, name)
-        settings = np.column_stack([there[n] for n in factors]).tolist()
         drawn = dict.fromkeys(truth.draws, 0.0)  # errors of settings, which whole plots are for
-        rows = [{**dict(zip(factors, row, strict=True)), **drawn} for row in settings]
+        read = [{n: float(columns[n][row]) for n in factors if n in bench.references} for row in range(len(x))]
+        truly = _there(played, moments, (sensor.reader, sensor.channel))
+        rows = [{**one, **known, **drawn} for one, known in zip(truly, read, strict=True)]
         y = columns[f"{name}_{sensor.unit}"] - np.array([formula.value(row) for row in rows])
         if len(np.unique(plots)) < len(x):
             fit = SplitPlotDesign(x, plots, terms).fit(y)
@@ -101,6 +101,32 @@ def _any(played: Played, table: Table) -> Iterator[tuple[str, float, float]]:
             found = b, np.sqrt(np.diag(cov)), np.full(len(terms), float(df))
         for term, error, stderr, df in zip(terms, *found, strict=True):
             yield f"{name} {term}", float(error / stderr), float(df)
+
+
+def _moments(played: Played, columns: Mapping[str, FloatArray]) -> list[tuple[float, float]]:
+    """World times between which each row of a table was measured."""
+    assert played.path is not None
+    with RunReader.open(played.path) as reader:
+        night = Night(played, reader.run_list(), list(reader.records()))
+    made = {(one.run_index, one.whole_plot): night.measured_s(one) for one in night.records if one.accepted}
+    plots = columns.get("whole_plot", repeat(None))
+    return [made[int(index), plot] for index, plot in zip(columns["run_index"], plots, strict=False)]
+
+
+def _there(
+    played: Played, moments: Sequence[tuple[float, float]], wire: tuple[str, str]
+) -> Iterator[Mapping[str, float]]:
+    """True values of the factors while an input was read.
+
+    A setting is not exact: it has arrived within a band, and what is left of its way is the same whenever it is made
+    from the same side. A calibration of the settings has that error in it, and no standard error shows it. It is an
+    error of the bench, which a night does to nobody.
+    """
+    read = [one for one in played.tape.readings if (one.instrument, one.channel) == wire]
+    begins = [one.t_s for one in read]
+    for began, ended in moments:
+        seen = read[bisect_left(begins, began - 1e-5) : bisect_right(begins, ended)]
+        yield {name: float(np.mean([one.factors[name] for one in seen])) for name in seen[0].factors}
 
 
 _FEWEST = 3

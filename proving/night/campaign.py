@@ -34,7 +34,8 @@ class Verdict:
 
     Attributes:
         seed, lab: which.
-        violations: what did not hold.
+        violations: what did not hold, but for what nobody could know.
+        unknowable: that.
         sessions: how often the controller was started.
         happened: faults and mishaps that met anything.
         complete: whether the run was finished.
@@ -53,13 +54,14 @@ class Verdict:
     bench_s: float
     skipped: int
     deviations: tuple[tuple[str, float, float], ...]
+    unknowable: tuple[Violation, ...] = ()
 
     @classmethod
     def of(cls, result: Result) -> Verdict:
         """From what `nights` gave as JSON."""
-        broken = tuple(Violation(**violation) for violation in result["violations"])
+        of = {key: tuple(Violation(**one) for one in result[key]) for key in ("violations", "unknowable")}
         off = tuple((quantity, t, df) for quantity, t, df in result["deviations"])
-        return cls(**{**result, "violations": broken, "deviations": off})
+        return cls(**{**result, **of, "deviations": off})
 
 
 def one_night(
@@ -85,7 +87,8 @@ def _judged(scenario: Scenario, bug: str, look: Callable[[Played], None], folder
         with BUGS[bug]() if bug else nullcontext():
             played = play(scenario, Path(place))
         try:
-            violations = tuple(judge(played))
+            found = judge(played)
+            violations = tuple(one for one in found if not one.unknowable)
             look(played)
             off = tuple(deviations(played)) if played.complete and not violations else ()
             skipped = played.skipped()
@@ -101,6 +104,7 @@ def _judged(scenario: Scenario, bug: str, look: Callable[[Played], None], folder
         played.bench.world.now(),
         skipped,
         off,
+        tuple(one for one in found if one.unknowable),
     )
 
 

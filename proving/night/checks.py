@@ -30,8 +30,12 @@ INVARIANTS: Mapping[str, Callable[[Night], Iterator[str]]] = {
 }
 
 
+UNKNOWABLE: Mapping[str, Callable[[Night], str]] = {"complete": of_records.misread_identity}
+"""Rules by which something does not hold since nobody could know it, by the check that finds it."""
+
+
 def judge(played: Played) -> list[Violation]:
-    """Everything that does not hold; empty after a good night."""
+    """Everything that does not hold, empty after a good night; what nobody could know says why."""
     if played.path is None:
         return [Violation("complete", f"no run file after {len(played.sessions)} sessions: {played.sessions[-1]}")]
     try:
@@ -41,4 +45,6 @@ def judge(played: Played) -> list[Violation]:
             night = Night(played, reader.run_list(), list(reader.records()))
     except RunFileError as error:
         return [Violation("verifies", str(error))]
-    return senseless + [Violation(name, what) for name, check in INVARIANTS.items() for what in check(night)]
+    found = [(name, what) for name, check in INVARIANTS.items() for what in check(night)]
+    whys = {name: UNKNOWABLE[name](night) if name in UNKNOWABLE else "" for name, _ in found}
+    return senseless + [Violation(name, what, whys[name]) for name, what in found]

@@ -23,11 +23,13 @@ class Violation:
     Attributes:
         invariant: name of the check.
         what: what was found, and where.
+        unknowable: why nothing that came over the wires could tell it from what is right; "" if something could.
 
     """
 
     invariant: str
     what: str
+    unknowable: str = ""
 
 
 class Night:

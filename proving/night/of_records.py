@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator
+from itertools import pairwise
 
 from proving.night.judged import Night
 from proving.night.play import MOST_SESSIONS
@@ -19,6 +21,30 @@ def complete(night: Night) -> Iterator[str]:
         yield f"not complete after {MOST_SESSIONS} sessions; the last was {last.how}: {last.message}"
     elif live_path(played.path).exists():  # type: ignore[arg-type]
         yield "the live state was left behind"
+
+
+def misread_identity(night: Night) -> str:
+    """Why a run that refuses its own instrument could not know better; "" if it could.
+
+    An identity is asked again until two answers in a row are the same. Where both arrive changed, and alike, it is
+    written down so, and the true one of a later session is that of another instrument. It may be: a serial number with
+    a digit more is one that another instrument has. So a person decides (`rig resume --accept`), and a night has none.
+    """
+    refused = _REFUSED.search(night.played.sessions[-1].message)
+    if refused is None:
+        return ""
+    arrived = [
+        found[1]
+        for one in night.played.bench.sim.faults.happened
+        if one.fault.on == refused[1] and (found := _ARRIVED.search(one.what))
+    ]
+    if any(before == after and refused[2] in after for before, after in pairwise(arrived)):
+        return "an identity arrived changed twice in succession, and alike"
+    return ""
+
+
+_REFUSED = re.compile(r"^(\S+) is another instrument than before \(was .*?, ([^,]+); is ")
+_ARRIVED = re.compile(r" arrives as '(.*)'")
 
 
 def accounted(night: Night) -> Iterator[str]:

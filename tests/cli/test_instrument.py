@@ -78,7 +78,11 @@ def test_a_real_one_is_asked_and_not_told_unless_that_is_wanted(file, stranger):
     done = rig("instrument", "check", file, "--address", address, "--json")
     assert done.returncode == 0, done.stdout + done.stderr
     (found,) = json.loads(done.stdout)
-    assert [step["what"] for step in found["steps"]] == ["examples in the file", "identity", "state"]
+    assert [step["what"] for step in found["steps"]] == ["examples in the file", "identity", "state", "not watched"]
+    assert found["steps"][-1]["found"] == (
+        "nothing shows whether a command was refused (errors); a setting that is changed at its panel (check); that "
+        "its power was off (mark)"
+    )
     assert heard == ["version", "in_sp_00", "in_mode_05", "in_pv_00"]
     heard.clear()
     done = rig("instrument", "check", file, "--address", address, "--option", "dwell_s = 0", "--set", "30")
@@ -207,8 +211,9 @@ def test_a_real_meter_that_has_to_be_started_is_not_and_its_check_says_so(file, 
     )
     file.write_text(f"{BATH.partition('[source]')[0]}{reader}")
     done = rig("instrument", "check", file, "--address", stranger[0], "--json")
-    step = json.loads(done.stdout)[0]["steps"][-1]
+    step, unseen = json.loads(done.stdout)[0]["steps"][-2:]
     assert step["found"] == "none: reader.start is a command, and only questions are sent", done.stdout + done.stderr
+    assert unseen["found"].endswith("an answer to an earlier question for a reading (reader.number, reader.confirm)")
     assert "GO 3" not in stranger[1]
 
 

@@ -21,10 +21,11 @@ from rig.procedures.general.fit import fit_general
 from rig.procedures.general.gross import of_table
 from rig.procedures.general.infer import CurveCalibration
 from rig.procedures.general.infer_table import infer_general
-from rig.procedures.general.of_runs import reader_of
+from rig.procedures.general.of_runs import RunModels, fit_run, reader_of
 from rig.procedures.general.trace import search_table
 from rig.procedures.general.trace.report import _doubt
 from rig.procedures.tables.table import Table
+from rig.tables.table_of_run import run_table
 
 TWO = BENCH.replace(
     "[sensors.cell]",
@@ -48,6 +49,22 @@ def run(tmp_path_factory):
     """A run of two sensors."""
     path, _ = run_dry(tmp_path_factory.mktemp("two"), PROCEDURE, TWO, WORLD_OF_TWO)
     return path
+
+
+@pytest.mark.parametrize(("late", "read", "said"), [(0.01, 0.01, True), (0.0, 0.01, False), (0.0, 0.0, False)])
+def test_settings_that_are_read_back_elsewhere_are_told_where_rows_fit_better_there(run, late, read, said):
+    """What comes late is off by the same at every replication; a readback that errs alone makes no row fit better."""
+    table = run_table(run)
+    late_kN = np.sin(3.0 * table.columns["force_kN"])  # the same whenever a setting comes again
+    slope = np.polyfit(table.columns["force_kN"], table.columns["cell_V"], 1)[0]
+    there = {
+        "cell_V": table.columns["cell_V"] + slope * late * late_kN,
+        "force_readback_kN": table.columns["force_kN"] + read * late_kN,
+    }
+    found = fit_run(RunModels.of(replace(table, columns={**table.columns, **there}))).to_json()["sensors"]
+    told = {name: [note for note in one["notes"] if "as read back" in note] for name, one in found.items()}
+    assert bool(told["cell_V"]) is said
+    assert told["other_V"] == []
 
 
 def fitted(*arguments: object) -> dict[str, object]:

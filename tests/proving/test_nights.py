@@ -5,12 +5,14 @@ from __future__ import annotations
 import dataclasses
 import re
 from functools import cache
+from types import SimpleNamespace
 
 import pytest
 
 from proving.night.bugs import BUGS
 from proving.night.campaign import one_night, replay, unbiased
 from proving.night.checks import judge
+from proving.night.of_records import misread_identity
 from proving.night.play import play
 from proving.night.scenario import EVERY_LAB, draw
 from rig.engine.chambers import Chambers
@@ -69,6 +71,25 @@ def test_a_planted_bug_is_found_and_nothing_without_it(bug):
     broken = {violation.invariant for violation in one_night(seed, lab, bug=bug).violations}
     assert broken & BREAKS[bug], broken
     assert not without_bug(seed, lab).violations
+
+
+def test_an_identity_that_arrives_wrong_twice_alike_is_known_by_its_rule_and_no_other_refusal_is():
+    night = one_night(4858, "any-bench")
+    assert night.violations == ()
+    assert [(one.invariant, bool(one.unknowable)) for one in night.unknowable] == [("complete", True)]
+
+    def why(*arrived: str, on: str = "it") -> str:
+        said = "it is another instrument than before (was ACME B1, SN11; is ACME B1, SN1). Connect the first one"
+        happened = [SimpleNamespace(fault=SimpleNamespace(on=on), what=f"'x' arrives as {one!r}") for one in arrived]
+        bench = SimpleNamespace(sim=SimpleNamespace(faults=SimpleNamespace(happened=happened)))
+        played = SimpleNamespace(sessions=[SimpleNamespace(message=said)], bench=bench)
+        return misread_identity(SimpleNamespace(played=played))
+
+    assert why("ACME,B1,SN11", "ACME,B1,SN11")
+    assert not why("ACME,B1,SN11", "12.5", "ACME,B1,SN11"), "not in succession: it was asked once more between"
+    assert not why("ACME,B1,SN11", "ACME,B1,SN11", on="another")
+    assert not why("12.5", "12.5")
+    assert not why()
 
 
 @pytest.mark.parametrize(("lab", "seed"), [("pressure", 30310), ("attitude", 201136)])

@@ -340,6 +340,8 @@ def _steps(
             return f"setpoint {found.setpoint:g}, reads {found.value:g} {driver.unit()}, {on}, {settled}{doubt}"
 
         yield Step("state"), state
+    if unseen := driver.unwatched():
+        yield Step("not watched"), lambda: f"nothing shows {'; '.join(unseen)}"
     if told := driver.without_point():
         yield Step("numbers without a decimal point"), lambda: "; ".join(told)
     if isinstance(driver, Source) and setpoint is not None:
