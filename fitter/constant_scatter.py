@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.quantiles import t_tail
 
@@ -31,7 +32,7 @@ def uneven_scatter(residuals: FloatArray, along: Mapping[str, FloatArray]) -> st
     if not varying or not np.ptp(np.abs(residuals)) > 0:
         return ""
     found = {name: rank_correlation(np.abs(residuals), values) for name, values in varying.items()}
-    name = min(found, key=lambda each: found[each][1])
+    name = ties.least(found, key=lambda each: found[each][1])
     if not found[name][1] * len(found) < FAMILY:
         return ""
     low, high = np.quantile(varying[name], [1 / 3, 2 / 3])

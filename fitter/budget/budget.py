@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.budget.coverage import EXCESS, either_side_factor, shape_factor
 from rig.fitter.budget.influence import CANCELLED, Correlation, Influence, Inputs, TypeA, checked
@@ -134,7 +135,7 @@ def budgets(
             if by_shape
             else either_side_factor(probability, side, df)
         )
-        lines = sorted(_lines(inputs, j), key=lambda one: -one.standard_uncertainty)
+        lines = ties.ordered(_lines(inputs, j), key=lambda one: -one.standard_uncertainty)
         value = float(inputs.values[j])
         expanded = k * combined
         found.append(

@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.confirm.question import Hypothesis, Question
 from rig.fitter.confirm.together import Fit, Together, left
@@ -95,7 +96,7 @@ class Comparison:
             rss, later = np.sum(rest**2, axis=0), np.sum(rest[fresh] ** 2, axis=0)
             costs.append(rss + PER_COLUMN * (own.shape[1] + searched(member)) + self._coincidence(len(costs), outputs))
             misfits.append(later / df if df >= 1.0 else np.ones_like(rss))
-        best = np.argmin(costs, axis=0)
+        best = ties.highest_of_each(-np.array(costs))
         misfit = np.maximum(np.take_along_axis(np.array(misfits), best[None], 0)[0], 1.0)
         return np.asarray(np.array(costs) / misfit)
 

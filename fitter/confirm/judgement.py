@@ -257,11 +257,14 @@ def confirm(both: Together, question: Question) -> Confirmation:
         _member(comparison, j, float(behind), float(shown))
         for j, (behind, shown) in enumerate(zip(told.behind[:, 0], told.shown[:, 0], strict=True))
     ]
-    members.sort(key=lambda member: (not member.holds, member.sigmas, len(member.terms)))
+    members.sort(key=lambda member: len(member.terms))
+    members = ties.ordered(members, key=lambda member: member.sigmas**2, unit=1.0)
+    nearest = members[0]
+    members.sort(key=lambda member: not member.holds)
     used_up = both.used_up if fitted_again(both, question) else 0
     answer = Confirmation(question.effect, tuple(members), aside, question=question, used_up=used_up)
     names = [member.effect for member in question.members]
-    best = min(members, key=lambda member: (not member.holds if answer.holding else False, member.sigmas))
+    best = members[0] if answer.holding else nearest
     named = next(member for member in members if member.effect == question.effect)
     if best is not named and (answer.verdict == "replaced" or named.sigmas > named.limit):
         answer = replace(answer, holder=question.members[names.index(best.effect)].terms)
@@ -309,7 +312,7 @@ def _outliers(both: Together, question: Question) -> NDArray[np.int64]:
         worst = np.where(both.fresh, np.min([_standing(both, question, m.terms) for m in question.members], 0), 0.0)
         if worst.max() <= STANDS_OUT:
             return np.setdiff1d(np.arange(whole), rows)
-        kept = np.arange(rows.size) != np.argmax(worst)
+        kept = np.arange(rows.size) != ties.highest(worst)
         both, rows = both.only(kept), rows[kept]
     return rows[:0]
 

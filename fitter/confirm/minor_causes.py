@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.confirm.compare import Comparison
 from rig.fitter.confirm.question import Hypothesis
@@ -37,7 +38,7 @@ class MinorCause:
 
 def minor_causes(comparison: Comparison, holder: int) -> tuple[MinorCause, ...]:
     """Other members of a question with a notable limit, fitted beside the one that holds, by both runs together."""
-    return tuple(sorted(_notable(comparison, holder), key=lambda one: -one.up_to))
+    return tuple(ties.ordered(_notable(comparison, holder), key=lambda one: -one.up_to))
 
 
 def _notable(comparison: Comparison, holder: int) -> Iterator[MinorCause]:

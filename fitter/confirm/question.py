@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from rig.fitter import ties
 from rig.fitter.quantiles import DISTINGUISHED, t_limit
 from rig.fitter.trace.found import Explanation
 from rig.fitter.trace.outcome import Finding
@@ -107,7 +108,7 @@ def questions_of(found: Traced) -> tuple[Question, ...]:
             if effect.stratum != "noise":
                 shares[effect.effect] = max(effect.share, shares.get(effect.effect, 0.0))
     asked = []
-    for name in sorted(shares, key=lambda effect: -shares[effect]):
+    for name in ties.ordered(shares, key=lambda effect: -shares[effect], unit=1.0):
         alike = [
             Hypothesis(e.effect, e.terms, e.sigmas, near=e.near)
             for e in found.explanations[name]

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.errors import FitError
 
@@ -62,7 +63,7 @@ def optimal_measure(rows: FloatArray, target: FloatArray | None = None, close: f
         gain, bound = _gain(rows, rows[active], weights, target)
         if gain.max() <= bound * (1.0 + close) or work > WORK:
             break
-        worst = np.setdiff1d(np.argsort(-gain, kind="stable")[:p], active)
+        worst = np.setdiff1d(ties.top(gain, p), active)
         worst = worst[gain[worst] > bound]
         if worst.size:
             active = np.concatenate([active, worst])

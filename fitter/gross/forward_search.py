@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.gross.judged import LONE, Found, judged, without
 from rig.fitter.gross.rows import Rows
@@ -143,14 +144,14 @@ def _growth(every: Rows, inside: IntArray, drivers: Mapping[str, FloatArray]) ->
     left, kept = rows.residual, np.maximum(rows.kept, 0.0)
     if growth_of(left, kept, {n: v[inside] for n, v in drivers.items()}) is None:
         return None
-    best: tuple[float, FloatArray | None] = (np.inf, None)
+    found: list[tuple[float, FloatArray]] = []
     for name, values in drivers.items():
         growth = growth_of(left, kept, {name: values[inside]})
         if isinstance(growth, Growth):
             sd = growth.sd(values)
             likely = float(np.sum(2.0 * kept * np.log(sd[inside]) + (left / sd[inside]) ** 2))
-            best = min(best, (likely, sd), key=lambda one: one[0])
-    return best[1]
+            found.append((likely, sd))
+    return ties.least(found, key=lambda one: one[0], unit=1.0)[1] if found else None
 
 
 def _search(asked: _Asked, spread: FloatArray | None) -> GrossErrors:
@@ -166,7 +167,7 @@ def _search(asked: _Asked, spread: FloatArray | None) -> GrossErrors:
     eps = ROUNDING * np.finfo(float).eps * float(np.sqrt(np.mean(rows.y**2)))
     floor = max(least_sd(step * weight), eps)
     first = np.isin(np.arange(len(y)), asked.first if asked.first.size <= most else none)
-    found = _looked(rows, _Limits(most, _allowed(rows), first), floor, asked)
+    found = _looked(rows, _Limits(most, _allowed(rows), first, len(y) * eps**2), floor, asked)
     out = found.out
     sd = np.broadcast_to(found.sigma, weight.shape) if spread is None else found.sigma / weight
     return GrossErrors(out, found.distance, found.off / weight[out], found.p, sd, alone, doubtful=found.doubtful)
@@ -201,27 +202,30 @@ class _Limits:
         most: their number.
         allowed: (n,) number of a row's group.
         first: (n,) whether a row is outside whatever its residual.
+        rounding: sum of squares below which residuals are rounding errors.
     """
 
     most: int
     allowed: IntArray
     first: NDArray[np.bool_]
+    rounding: float
 
 
 def _trimmed(rows: Rows, limits: _Limits, *, designed: bool) -> IntArray:
     """Up to `most` rows without which the others fit best."""
-    best = [(np.inf, np.zeros(0, np.int64))]
+    none = np.zeros(0, np.int64)
+    best = [(np.inf, none)]
     starts = list(_starts(rows, designed=designed))
     if designed and not limits.first.any() and _clear(rows, starts[-1]):
-        return best[0][1]
+        return none
     for start in starts:
         out, rss = _concentrated(rows, start, limits, STEPS)
-        best = sorted([*best, (rss, out)], key=lambda one: one[0])[:BEST]
-    found: tuple[float, IntArray] = (np.inf, np.zeros(0, np.int64))
+        best = ties.ordered([*best, (rss, out)], key=lambda one: one[0])[:BEST]
+    found = (np.inf, none)
     for rss, out in best:
         if np.isfinite(rss):
             again, less = _concentrated(rows, without(rows, out)[1], limits, FINAL)
-            found = min(found, (less, again), (rss, out), key=lambda one: one[0])
+            found = ties.least([found, (rss, out), (less, again)], key=lambda one: one[0])
     return found[1]
 
 
@@ -267,10 +271,9 @@ def _outside(rows: Rows, left: FloatArray, limits: _Limits) -> IntArray:
     size = np.where(limits.first, np.inf, np.abs(left))
     size[rows.kept <= LONE] = -1.0
     if not rows.groups:  # no order of all rows: it takes most of the time of many
-        least = max(float(np.partition(size, -limits.most)[-limits.most]), 0.0)
-        ahead = np.flatnonzero(size >= least)
-        return np.array(ahead[np.argsort(-size[ahead], kind="stable")][: limits.most])
-    ahead = np.argsort(-size, kind="stable")
+        ahead = ties.top(size, limits.most)
+        return np.asarray(ahead[size[ahead] >= 0])
+    ahead = ties.descending(size, 0.0)
     ahead = ahead[size[ahead] >= 0]
     group = rows.group[ahead]
     place = np.zeros(ahead.size, np.int64)
@@ -286,7 +289,8 @@ def _concentrated(rows: Rows, left: FloatArray, limits: _Limits, steps: int) -> 
     best: tuple[IntArray, float] = np.zeros(0, np.int64), float("inf")
     for _ in range(steps):
         out, left, rss = without(rows, _outside(rows, left, limits))
-        if not rss < best[1]:
+        rss = max(rss, limits.rounding)
+        if not ties.below(rss, best[1], 0.0):
             break
         best = out, rss
     return best

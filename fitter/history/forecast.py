@@ -20,6 +20,7 @@ from itertools import product
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.history.between_calibrations import Between
 from rig.fitter.history.charted import Charted
@@ -68,7 +69,7 @@ class ErrorBound:
 
     def governs(self, tolerance: float) -> Between:
         """The kind of variation whose bound reaches `tolerance` first."""
-        return min(self.bounds, key=lambda kind: self.holds_for(tolerance, kind) or -1.0)
+        return ties.least(self.bounds, key=lambda kind: self.holds_for(tolerance, kind) or -1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +137,7 @@ def _worst_together(charted: Charted, rows: FloatArray) -> FloatArray:
     """(h, q) the rows with the largest effect of parameters that move together, in any combination of signs."""
     reach = np.array([np.sqrt(np.var(s.values) + np.mean(s.variance)) for s in charted.series])
     sides = np.array([(1.0, *rest) for rest in product((1.0, -1.0), repeat=len(reach) - 1)])
-    return np.asarray(rows[np.unique(np.argmax(np.abs((rows * reach) @ sides.T), axis=0))])
+    return np.asarray(rows[np.unique(ties.highest_of_each(np.abs((rows * reach) @ sides.T), 0.0))])
 
 
 def predict(series: Series, between: Between, ages: FloatArray, nodes: int = NODES) -> Prediction:

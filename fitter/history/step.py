@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.history.between_calibrations import Between, Profile
 from rig.fitter.history.series import Series
@@ -47,7 +48,7 @@ def step(series: Series) -> Step | None:
     weights = 1.0 / (series.variance + psi)
     weights = weights / weights.sum()
     gain, total = _gains(series.values[None, :], weights)
-    at = int(np.argmax(gain[0]))
+    at = ties.highest(gain[0], 0.0)
     share = float(gain[0, at]) / float(total[0]) if total[0] > 0 else 0.0
     chance = _null(tuple(np.round(weights, 12).tolist()))
     head, tail = weights[: at + 1], weights[at + 1 :]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.history.between_calibrations import Between, fit
 from rig.fitter.history.likely_variances import draw
 from rig.fitter.history.series import Series
@@ -57,7 +58,7 @@ def trend(series: Series) -> Trend | None:
         p=t_tail(slope / stderr, found.df) if stderr > 0 else float(slope == 0),
         p_walk=_p_walk(series),
         explained=_explained(series),
-        favoured=max(Between, key=lambda between: fits[between].loglik),
+        favoured=ties.least(Between, key=lambda between: -fits[between].loglik, unit=1.0),
     )
 
 

@@ -15,6 +15,7 @@ from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.errors import FitError
 from rig.fitter.nonlinear.nearest import Measured
@@ -194,7 +195,7 @@ def _promising(problem: Distance, made: FloatArray, count: int, *, robust: bool 
     together = _Together(_some(problem, _LOOKED_AT), np.ones((len(made), 2)))
     measured, xi = together.at(np.arange(len(made)), made)
     heights, _ = _heights(measured.residuals(xi).reshape(len(made), -1), robust=robust)
-    order = np.argsort(heights, kind="stable")[:count]
+    order = ties.descending(-heights, 0.0)[:count]
     return np.asarray(made[order[np.isfinite(heights[order])]])
 
 
@@ -249,7 +250,7 @@ def _descended(
         normal[kept], right[kept] = normals[lower], rights[lower]
         damping[i] = np.where(lower, np.maximum(0.1 * damping[i], 1e-9), 10.0 * np.maximum(damping[i], 1e-6))
         active = i[np.where(lower, fall > _ENOUGH * height[i], damping[i] < _STUCK)]
-    order = np.argsort(height, kind="stable")
+    order = ties.descending(-height, 0.0)
     return _Descents(b[order], height[order], normal[order])
 
 

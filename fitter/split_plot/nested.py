@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.split_plot.profile import Profile
 from rig.fitter.split_plot.spectrum import Spectrum
@@ -58,7 +59,7 @@ class NestedProfile:
             # a search towards a boundary ends on a flat region before it; the boundary itself is then the maximum
             return self._at(np.array(ratios), u, rest_ss).deviance + (FLAT if min(ratios) > 0.0 else 0.0)
 
-        return min([*edges, *(ratios for ratios in inside if ratios is not None)], key=deviance)
+        return ties.least([*edges, *(ratios for ratios in inside if ratios is not None)], key=deviance, unit=1.0)
 
     @staticmethod
     def _edge(spectrum: Spectrum, y: FloatArray) -> float:

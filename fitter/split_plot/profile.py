@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 
 GRID = np.concatenate([[0.0], np.geomspace(1e-3, 1e12, 64)])
@@ -69,7 +70,7 @@ class Profile:
         ratio = np.concatenate([ratio, np.zeros(len(at_zero))])
         response = np.concatenate([response, at_zero])
         if len(response) > len(rest):
-            worst_first = np.argsort(-self.deviance(ratio, squares[:, response], rest[response]), kind="stable")
+            worst_first = ties.descending(self.deviance(ratio, squares[:, response], rest[response]))
             ratio, response = ratio[worst_first], response[worst_first]
         best = np.empty(len(rest))
         best[response] = ratio  # of several maxima of a response the highest is last

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.aliases import DELTA, PER_COLUMN
@@ -150,7 +151,7 @@ def change(found: Mapping[str, Sequence[float]]) -> Change | None:
     if not found:
         return None
     every = {over: float(special.chdtrc(2 * len(ps), -2.0 * sum(map(_log, ps)))) for over, ps in found.items()}
-    over = min(every, key=lambda name: every[name])
+    over = ties.least(every, key=lambda name: every[name])
     return Change(over, min(every[over] * len(every), 1.0))
 
 

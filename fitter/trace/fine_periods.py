@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.resolution import resolution
 from rig.fitter.trace.flexible import Block, Remainder, turns
@@ -55,12 +56,12 @@ def fine_period(
     power = np.abs(np.fft.rfft(cells)) ** 2
     tried = np.arange(FINE * SLOWEST, FINE * fastest + 1)
     overtones = sum(power[np.minimum(k * tried, power.size - 1)] for k in range(1, HARMONICS + 1))
-    each = (np.argpartition(-one, LIKELIEST)[:LIKELIEST] for one in (power[tried], overtones))
+    each = (ties.top(np.asarray(one), LIKELIEST) for one in (power[tried], overtones))
     count, best = len(ORDERS) * tried.size, None
     for k in sorted(set(np.concatenate(list(each)).tolist())):
         period, phase = folded(left, at, FINE * span * CELLS / (CELLS - 1) / float(tried[k]))
         columns = turns(360.0 * phase / period, HARMONICS)
         one = ask(Block(f"over {over}", columns, ORDERS, np.repeat(np.arange(1.0, HARMONICS + 1), 2)))
-        if one is not None and (best is None or one.p * count < best.p):
+        if one is not None and (best is None or ties.below(one.p * count, best.p, 0.0)):
             best = Line(period, unit, min(one.p * count, 1.0), one.share, over)
     return best

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 
@@ -135,11 +136,11 @@ def remainders(
             along = own.T @ left
             gain = float(along @ along)
             p = _p(own, left, along, rss, df)
-            if best is None or p < best.p:
+            if best is None or ties.below(p, best.p, 0.0):
                 best = Remainder(block.place, p, gain, rank, gain / rss, own @ along, own)
         if best is not None:
             found.append(best)
-    return sorted(found, key=lambda one: one.p)
+    return ties.ordered(found, key=lambda one: one.p)
 
 
 DECAYS = (1.0, 2.0, 3.0)

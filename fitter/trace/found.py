@@ -8,6 +8,7 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Entry
 from rig.fitter.json_values import JsonValue
@@ -169,11 +170,11 @@ def with_shares(
     shown: Iterable[E], divided: FloatArray, doubt: Callable[[E], str | None], left_in: AbstractSet[str] = frozenset()
 ) -> tuple[E, ...]:
     """The effects of a sensor with their shares (q,) and doubts, largest share first; some are left in its output."""
-    every = (
+    every = [
         replace(effect, share=float(share), doubtful=doubt(effect), left_in=effect.effect in left_in)
         for effect, share in zip(shown, divided, strict=True)
-    )
-    return tuple(sorted(every, key=lambda effect: -effect.share))
+    ]
+    return tuple(ties.ordered(every, key=lambda effect: -effect.share, unit=1.0))
 
 
 def verdict(*, found: bool, fell: bool, rest: Iterable[Finding], doubtful: bool = False, perhaps: bool = False) -> str:

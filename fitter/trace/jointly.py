@@ -129,7 +129,7 @@ def _taken(metric: Metric, u: FloatArray, some: Some) -> tuple[float, int]:
     for k, own in enumerate(_steps(metric, u, some)):
         gain, below = gain + float(np.sum((own.T @ left) ** 2)), below - own.shape[1]
         share = 1.0 - (1.0 - gain / float(left @ left)) * df / below
-        if share > best:
+        if ties.below(best, share):
             best, degree = share, k + 1
     return best, degree
 

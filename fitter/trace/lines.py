@@ -105,7 +105,7 @@ def lines(
             fastest = _fastest(elapsed_s)
             if fastest > PAUSED * left[i].size / 2 and not white.shape[1]:
                 found.append(_between_pauses(left[i], elapsed_s, range(_slowest(elapsed_s, stretch), fastest + 1)))
-        best = min(found, key=lambda one: one.p)
+        best = ties.least(found, key=lambda one: one.p)
         out[i] = Line(best.period, best.unit, min(len(found) * best.p, 1.0), best.share)
     return out
 
@@ -123,7 +123,7 @@ def _in_order(left: FloatArray, stretch: IntArray, white: FloatArray) -> Line:
         drawn = [white[stretch == one] for one in np.unique(stretch)]
         known = sum((np.abs(np.fft.rfft(one, length, axis=0)[1:]) ** 2 for one in drawn if len(one) >= FEWEST), 0.0)
         each = _clearest(summed[1:], len(parts), _kept(np.asarray(known)))
-        if 3 * each[1] < out.p:
+        if ties.below(3 * each[1], out.p, 0.0):
             out = Line(length / (each[0] + 1.0), "readings", 3 * each[1], min(2 * each[2] / (length * total), 1.0))
     return out
 
@@ -226,8 +226,8 @@ def _clearest(power: FloatArray, summed: int, kept: FloatArray | None = None) ->
         typical = typical[width // 2 : power.size - width // 2]
         nu, below = 2.0 * summed * width, float(ABOUT * summed)
         p = special.fdtrc(nu, below, sums / typical) * power.size * 2
-        at = int(np.argmin(p))
-        if p[at] < best[1]:
+        at = ties.lowest(p, 0.0)
+        if ties.below(float(p[at]), best[1], 0.0):
             best = (float(used[at + width // 2]), float(p[at]), float(sums[at]))
     return best
 
@@ -260,7 +260,7 @@ def folded(left: FloatArray, at: FloatArray, period: float) -> tuple[float, Floa
     wave = np.exp(2j * np.pi * np.outer(tried[tried > 0], at))
     twice = wave * wave
     power = sum(np.abs(one @ left) ** 2 for one in (wave, twice, twice * wave))
-    best = float(1.0 / tried[tried > 0][int(np.argmax(power))])
+    best = float(1.0 / tried[tried > 0][ties.highest(power, float(np.max(power)))])
     return best, np.asarray(np.mod(at, best))
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 
 HARMONICS = 3
@@ -67,7 +68,7 @@ def repeats(left: FloatArray, at: FloatArray) -> Repeats | None:
     tried = np.arange(slowest, fastest + 1)
     power = _power(left, (at - at[0]) / (length * FINE), HARMONICS * fastest)
     sums = [sum(power[k * tried] for k in range(1, most + 1)) for most in (1, HARMONICS)]
-    found = [int(tried[k]) for each in sums for k in np.argsort(-np.asarray(each), kind="stable")[:LIKELIEST]]
+    found = [int(tried[k]) for each in sums for k in ties.top(np.asarray(each), LIKELIEST)]
     cycles = sorted(dict.fromkeys(found))
     return Repeats(tuple(length * FINE / one for one in cycles), len(ORDERS) * BETWEEN * (fastest - slowest) // FINE)
 

@@ -125,7 +125,7 @@ def by_history(candidates: Sequence[Named], found: Sequence[Rival], first: Rival
     """
     prior = {rival: nats(candidates[rival.terms[0]].effect) for rival in found if rival.alias}
     oftener = [rival for rival, own in prior.items() if own > prior.get(first, own)]
-    return min([first, *oftener], key=lambda rival: rival.sigmas**2 - 2.0 * prior.get(rival, 0.0))
+    return ties.least([first, *oftener], key=lambda rival: rival.sigmas**2 - 2.0 * prior.get(rival, 0.0), unit=1.0)
 
 
 def led_by_history(

@@ -246,7 +246,7 @@ def smoothed(y: FloatArray, columns: FloatArray, roughness: FloatArray) -> tuple
         one = 1.0 + SIZES[:, None] * values
         likely = 0.5 * np.sum(SIZES[:, None] * turned**2 / one - np.log(one), axis=1)
         k = ties.highest(likely)
-        if likely[k] > best:
+        if ties.below(best, float(likely[k])):
             best, inverse, back = float(likely[k]), SIZES[k] / one[k], falls[:, None] * vectors / typical
             found = back @ (inverse * turned), (back * inverse) @ back.T
     return found

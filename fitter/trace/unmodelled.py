@@ -13,6 +13,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.doubts import BUNDLE, DOUBT, bundle, in_several, no_better, several_values, something_left
 from rig.fitter.trace.flexible import Block, Remainder, remainders
@@ -184,8 +185,8 @@ class Unmodelled(ABC):
     @cached_property
     def left(self) -> tuple[ResidualShape, ...]:
         """Places that the residual follows, the most significant first."""
-        found = [*(self._followed() if self.able else ())]
-        return tuple(sorted(found, key=lambda one: (one.p, -one.remainder.share)))
+        found = ties.ordered(self._followed() if self.able else (), key=lambda one: -one.remainder.share, unit=1.0)
+        return tuple(ties.ordered(found, key=lambda one: one.p))
 
     def _followed(self) -> Iterator[ResidualShape]:
         again = limit("asked again", self.kind)
@@ -318,6 +319,6 @@ def nameless(
         total = -float(np.log(kinds * first.alternatives))
         for place, i in group:
             total += evidence(place, i)
-        if total > best:
+        if ties.below(best, total):
             best, where = total, first.text
     return float(best), where

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rig.fitter import LinearFit, least_squares
+from rig.fitter import LinearFit, least_squares, ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.quantiles import t_limit
 from rig.procedures.attitude.angles import sin_cos
@@ -251,7 +251,7 @@ def nominal_axis(sensor: str, coefficients: FloatArray, axes: Mapping[str, str] 
     """
     if axes is not None and sensor in axes:
         return AXES[axes[sensor]]
-    return AXES.get(sensor[:1].lower(), int(np.argmax(np.abs(sensitive_axis(coefficients)))))
+    return AXES.get(sensor[:1].lower(), ties.highest(np.abs(sensitive_axis(coefficients))))
 
 
 def sigma_deg(sigma_V: float, S_V: float) -> float:

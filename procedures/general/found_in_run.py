@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.confirm.together import solve
 from rig.fitter.trace.aliases import DELTA, NEARLY, Rival
 from rig.fitter.trace.found import Explanation
@@ -103,7 +104,7 @@ class FoundInRun:
             )
             for name, cost in costs.items()
         ]
-        return tuple(sorted(told, key=lambda one: one.sigmas))
+        return tuple(ties.ordered(told, key=lambda one: one.sigmas**2, unit=1.0))
 
     @property
     def remembered(self) -> Mapping[str, Remembered]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.designs import Evaluation, evaluate
 from rig.fitter.designs.advice import advice as of_design
@@ -154,7 +155,7 @@ def precision(procedure: GeneralProcedure, run_list: RunList) -> Precision:
                 cells.append((sensor, term, f"{sd:.3g}", "-" if known is None else f"{known:.0f}"))
         settings = found.region.settings
         variance = found.variance(settings)
-        at = zip(procedure.factors, settings[int(variance.argmax())].tolist(), strict=True)
+        at = zip(procedure.factors, settings[ties.highest(variance, 0.0)].tolist(), strict=True)
         where = ", ".join(f"{name} = {value:g}" for name, value in at)
         mean, worst = ((value**0.5) * (sigma or 1.0) for value in (found.mean_variance, float(variance.max())))
         if sigma is None:

@@ -147,7 +147,7 @@ class TableJudge:
             if self.adjusted(chosen, j, most) <= most:  # most are above it, which takes a part of the simulation
                 name = self.candidates[j].effect.name
                 best[name] = min(self.adjusted(chosen, j), best.get(name, 1.0))
-        return tuple(sorted(best.items(), key=lambda item: item[1]))
+        return tuple(ties.ordered(best.items(), key=lambda item: item[1]))
 
     def beats_wander(self, chosen: tuple[int, ...], effect: str) -> float | None:
         """Twice the log-likelihood ratio of an effect to a slow random walk in its place, with the price of columns.
@@ -181,7 +181,7 @@ class TableJudge:
                 own = float(self._scored(at, trial.y, chosen, j).evidence[0])
                 if self.family_for(j, at, "any").adjust(name, own, ALPHA) <= ALPHA:
                     found[name] = min(behind, found.get(name, behind))
-        return tuple(sorted(found, key=found.__getitem__))
+        return tuple(ties.ordered(found, key=found.__getitem__, unit=1.0))
 
     def is_bound(self, p: float) -> bool:
         """Whether no simulated table had such a score."""

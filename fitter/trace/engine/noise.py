@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dtbtrs
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.engine.white import ByRows, White
 
@@ -223,11 +224,11 @@ class Wandering(ByRows):
     def nearest(self, correlation: float, share: float) -> int:
         """The covariance of such a wander, by what wanders' correlation between neighbours and its share."""
         own, part, step, _ = self._grid
-        return int(np.argmin(np.where(step > 0, np.inf, np.abs(own - correlation) + 0.1 * np.abs(part - share))))
+        return ties.lowest(np.where(step > 0, np.inf, np.abs(own - correlation) + 0.1 * np.abs(part - share)))
 
     def walk(self, step: float) -> int:
         """The covariance of a random walk of such steps."""
-        return int(np.argmin(np.abs(self._grid[2] - step)))
+        return ties.lowest(np.abs(self._grid[2] - step), step)
 
     @cached_property
     def memory(self) -> FloatArray:

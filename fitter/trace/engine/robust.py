@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.effects.noise_names import OUTLIERS
 from rig.fitter.resolution import least_robust_sd, robust_sd
@@ -107,7 +108,7 @@ def told(
 
     """
     rows = np.flatnonzero(off)
-    rows = rows[np.argsort(-np.abs(deviation[rows] / error[rows]), kind="stable")]
+    rows = rows[ties.descending(np.abs(deviation[rows] / error[rows]))]
     sd = np.abs(deviation[rows] / error[rows])
     p = min(_by_chance(float(sd[0]), off.size, df) * sensors, 1.0) if rows.size else 1.0
     if p > ALPHA:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rig.fitter import RankError
+from rig.fitter import RankError, ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.quantiles import t_limit
 from rig.procedures.attitude.merit.design_points import DesignPoints, Usage
@@ -121,15 +121,15 @@ def recommend(
     if not fit:
         return None
     if wanted_sd_deg is None:
-        best, _ = min(fit, key=lambda pair: pair[0].worst_sd_deg ** 2 * pair[1])
+        best, _ = ties.least(fit, key=lambda pair: pair[0].worst_sd_deg ** 2 * pair[1])
         why = f"most precise for its cost (worst variance times cost is least): {best.worst_sd_deg:.1e} deg at worst"
         return Recommendation(best.name, f"{why}, figure of merit {best.figure_of_merit:.3f}")
     enough = [pair for pair in fit if pair[0].worst_sd_deg <= wanted_sd_deg]
     if enough:
-        best, _ = min(enough, key=lambda pair: pair[1])
+        best, _ = ties.least(enough, key=lambda pair: pair[1])
         why = f"cheapest that reaches {wanted_sd_deg:.1e} deg: {best.worst_sd_deg:.1e} deg at worst"
         return Recommendation(best.name, why)
-    best, _ = min(fit, key=lambda pair: pair[0].worst_sd_deg)
+    best, _ = ties.least(fit, key=lambda pair: pair[0].worst_sd_deg)
     times = (best.worst_sd_deg / wanted_sd_deg) ** 2
     why = f"nearest to {wanted_sd_deg:.1e} deg with {best.worst_sd_deg:.1e} deg at worst"
     return Recommendation(best.name, f"{why}; it takes {times:.1f} times as many replications")

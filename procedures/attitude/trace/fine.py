@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.fine_periods import FEWEST, fine_period
 from rig.fitter.trace.flexible import Block, Remainder
@@ -39,7 +40,8 @@ def fine_of(scene: Scene, view: View, seen: Seen) -> Line | None:
             return seen.remainder(own)
 
         found.append(fine_period(np.sum((slope * y).reshape(-1, n), axis=0), at, name, ask, "deg"))
-    best = min((one for one in found if one is not None), key=lambda one: one.p, default=None)
+    there = [one for one in found if one is not None]
+    best = ties.least(there, key=lambda one: one.p) if there else None
     return None if best is None else replace(best, p=min(best.p * len(found), 1.0))
 
 

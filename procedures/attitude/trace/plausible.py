@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.trace.search import prune, search_and_name
 from rig.fitter.trace.signs import SURE, Impossible, Refused
 from rig.procedures.attitude.trace.estimate import estimate
@@ -29,7 +30,7 @@ def _worst(problem: Problem, chosen: tuple[int, ...]) -> Refused | None:
     fitted = estimate(problem, chosen)
     stderr = np.sqrt(np.diag(fitted.covariance))
     over = np.maximum(np.abs(fitted.gamma) - SURE * stderr, 0.0) / problem.most[list(chosen)]
-    k = int(np.argmax(over))
+    k = ties.highest(over)
     if over[k] <= 1.0:
         return None
     return _refused(problem, Impossible(chosen[k], float(fitted.gamma[k]), float(stderr[k])))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.sums_of_squares import FTest, centred
@@ -52,7 +53,7 @@ def strongest_wave(problem: Problem, corrected_V: FloatArray) -> Finding:
             own = problem.levels.leave(waves, "replications")
             basis = orthonormal(own, np.linalg.norm(waves, axis=0), 0.05)
             share = float(np.sum((basis.T @ left) ** 2) / max(np.sum(left**2), np.finfo(float).tiny))
-            if share > best.share:
+            if ties.below(best.share, share):
                 best = remains(f"between points, {where(k, m, roll=roll)}", min(share, 1.0))
     return best
 

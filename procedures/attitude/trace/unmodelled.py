@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.doubts import DOUBT, something_left
 from rig.fitter.trace.drawn import drawn, drawn_at
@@ -212,7 +213,7 @@ class UnmodelledSmooth(Unmodelled):
         why = told(next((x for x in at if any(x.shows_in(i) for i in shown)), None))
         periods = [one for one in self.lines if one is not None and one.p < CLEAR]
         if why is None and periods and any(self.candidates[j].sensor is None for j in self.of(name)):
-            period = min(periods, key=lambda one: one.p)  # of all sensors: what one follows, it may be a part of
+            period = ties.least(periods, key=lambda one: one.p)  # of all sensors: what one follows, it may be a part of
             return something_left(period.where, period.p)
         fine = self.fine if why is None and group.level == "replications" else None
         return something_left(fine.where, fine.p) if fine is not None and fine.p < CLEAR else why

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, qr
 from scipy.linalg.lapack import dtbtrs
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 
@@ -120,7 +121,7 @@ def likelihood_ratio(
     at, q = np.arange(len(outputs)), columns[0].shape[1]
     squares = every.reshape(-1, at.size, q + 1, at.size, q + 1)[:, at, :, at].swapaxes(0, 1)
     without, gamma = walks.log_likelihood(squares[:, :, 0, 0]), np.zeros(q)
-    step = without.argmax(axis=0) * 0
+    step = np.zeros(without.shape[1], np.int64)
     for _ in range(3):
         combined = np.concatenate([[1.0], -gamma])
         picked = squares[step, at]
@@ -129,6 +130,6 @@ def likelihood_ratio(
         gamma = np.linalg.lstsq(total[1:, 1:], total[1:, 0], rcond=1e-9)[0]
         combined = np.concatenate([[1.0], -gamma])
         within = walks.log_likelihood(np.einsum("j,tsjk,k->ts", combined, squares, combined))
-        step = within.argmax(axis=0)
-    walking = bool(np.any(without.argmax(axis=0) > 0))
+        step = ties.highest_of_each(within)
+    walking = bool(np.any(ties.highest_of_each(without) > 0))
     return float(2.0 * np.sum(within.max(axis=0) - without.max(axis=0))) / (spread if walking else 1.0)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.chance import ALPHA
 from rig.fitter.trace.doubts import rests_on
@@ -129,7 +130,7 @@ def _rows_of(unmodelled: UnmodelledSmooth, rest: tuple[int, ...]) -> list[int]:
         error = np.maximum(after, view.rounding) / df
         ratio = np.maximum(before - after, 0.0) / rank / np.maximum(error, np.finfo(float).tiny)
         ratio[out] = np.inf
-        worst = int(np.argmin(ratio))
+        worst = ties.lowest(ratio)
         out.append(worst)
         if special.fdtrc(rank, df, ratio[worst]) > NOTHING:
             return sorted(out) if len(out) <= MOST or leverage[out].mean() > LEVER * leverage.mean() else []

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.noise_names import AUTOCORRELATION, NOISE_GROWS, OUTLIERS, QUANTISATION, SLOPES_DIFFER
 from rig.fitter.gross import LEVEL
@@ -128,7 +129,7 @@ def _differing(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> F
     if p > SLOPES_CLEAR:
         return None
     spread = {name: spread_within(noise.group, v) for name, v in data.scene.settings.items()}
-    over = min(spread, key=lambda name: _apart(noise, data.scene.settings[name], spread[name]))
+    over = ties.least(spread, key=lambda name: _apart(noise, data.scene.settings[name], spread[name]))
     per_unit = sd / spread[over]
     return _finding(
         judge,
@@ -198,7 +199,7 @@ def _alone(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Found
     view = judge.view(0)
     taken = view.taken(chosen)
     left = view.y - taken @ (taken.T @ view.y)
-    alone = alone[np.argsort(-np.abs(left[alone]))]
+    alone = alone[ties.descending(np.abs(left[alone]), 0.0)]
     z = np.abs(left[alone]) / scale(left, problem.step)
     p = float(min(2.0 * special.ndtr(-z.max()) * problem.n * data.sensors, 1.0))
     if p > ALPHA:
@@ -214,7 +215,7 @@ def _alone(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Found
         size = f"rows {listed}{more} of the file; they stay in the table and count as three sd"
     moves = moved(judge, chosen)
     if moves is not None:
-        worst = int(np.argmax(np.abs(moves[0])))
+        worst = ties.highest(np.abs(moves[0]))
         size += (
             f"; least squares that counts all in full is moved by up to {abs(moves[0][worst]):.1f} standard errors "
             f"({data.names[worst]}), and its intervals are {moves[1]:.2f} times as wide"
@@ -289,7 +290,7 @@ def _by_hand(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Fou
     seen = [(one.p, name, level, count, one) for name, level, count, one in found if one is not None]
     if not seen:
         return None
-    p, name, level, count, one = min(seen, key=lambda each: each[0])
+    p, name, level, count, one = ties.least(seen, key=lambda each: each[0])
     p = min(of_all(p, data.sensors) * len(parts), 1.0)
     if p > CLEAR or one.rows < ON_LATTICE * count or not least_sd(one.step) > COARSE * error:
         return None

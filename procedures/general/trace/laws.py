@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rig.fitter import ties
 from rig.fitter.trace.doubts import another_law
 from rig.fitter.trace.engine.rivals import ALIKE, costs
 from rig.fitter.trace.search import names_of
@@ -34,6 +35,6 @@ def other_laws(unmodelled: UnmodelledSmooth) -> dict[str, str]:
             and cost - own[0] < (0.0 if unmodelled.plain_name(name) else ALIKE)
         ]
         if near:
-            first = min(near, key=lambda one: one[0])[1]
+            first = ties.least(near, key=lambda one: one[0], unit=1.0)[1]
             out[name] = another_law(first.name, corner=first.kind in (KINK, CLIP))
     return out

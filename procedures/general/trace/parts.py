@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.fitter import ties
 from rig.fitter.trace.flexible import Block, turns
 from rig.fitter.trace.in_part import FEWEST, p_in_part
 from rig.fitter.trace.outcome import Finding, remains
@@ -52,11 +53,11 @@ def in_parts(unmodelled: UnmodelledSmooth) -> Finding | None:
     at = unmodelled.judge.beside(unmodelled.chosen).best
     first = [min(_p(unmodelled, part, block, k)[0] for k in {0, at}) for part, block in asked]
     best: tuple[float, float, str] = (UNEXPLAINED, 0.0, "")
-    for k in np.argsort(first, kind="stable")[:AGAIN].tolist():
+    for k in ties.top(-np.asarray(first), AGAIN).tolist():
         part, block = asked[k]
         if first[k] * len(asked) < UNEXPLAINED:
             p, gain = _averaged(unmodelled, part, block)
-            if p * len(asked) < best[0]:
+            if ties.below(p * len(asked), best[0], 0.0):
                 where = f"{block.place}, in the rows whose {part.variable} is {part.words}"
                 best = p * len(asked), gain, where
     left = unmodelled.left_under(at)
@@ -81,7 +82,7 @@ def _averaged(unmodelled: UnmodelledSmooth, part: Part, block: Block) -> tuple[f
     weight = np.where(log > log.max() - UNLIKELY, np.exp(log - log.max()), 0.0)
     each = {int(k): _p(unmodelled, part, block, int(k)) for k in np.flatnonzero(weight)}
     total = sum(weight[k] * np.log(max(p, np.finfo(float).tiny)) for k, (p, _) in each.items())
-    return float(np.exp(total / weight.sum())), each[int(np.argmax(log))][1]
+    return float(np.exp(total / weight.sum())), each[ties.highest(log)][1]
 
 
 def _parts(scene: TableScene) -> Iterator[Part]:

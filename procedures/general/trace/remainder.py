@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.drawn import drawn, drawn_period
@@ -76,8 +77,8 @@ def _period(unmodelled: UnmodelledSmooth) -> Line | None:
     found = unmodelled.line
     if found is not None and found.p < CLEAR:
         return found
-    others = (one for one in (unmodelled.repeats, unmodelled.fine) if one is not None)
-    return min((one for one in others if one.p < UNEXPLAINED), key=lambda one: one.p, default=None)
+    others = [one for one in (unmodelled.repeats, unmodelled.fine) if one is not None and one.p < UNEXPLAINED]
+    return ties.least(others, key=lambda one: one.p) if others else None
 
 
 def _at(unmodelled: UnmodelledSmooth, left: ResidualShape, variables: Mapping[str, FloatArray]) -> Finding:
@@ -133,7 +134,7 @@ def _most(v: FloatArray, left: FloatArray) -> str:
     edges = np.unique(np.quantile(v, np.arange(1, count) / count))
     index = np.searchsorted(edges, v, side="left")
     rows = np.maximum(np.bincount(index), 1)
-    worst = int(np.argmax(np.abs(np.bincount(index, left) / rows) * np.sqrt(rows)))
+    worst = ties.highest(np.abs(np.bincount(index, left) / rows) * np.sqrt(rows), 0.0)
     own = v[index == worst]
     low, high = f"{own.min():.4g}", f"{own.max():.4g}"
     return f", most at {low}" if low == high else f", most between {low} and {high}"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.json_values import JsonValue
 from rig.fitter.linear import orthonormal
@@ -93,7 +94,7 @@ def offered(
     rss = np.sum(left**2) - np.concatenate([[0.0], np.cumsum((extra.T @ left) ** 2)])
     rss = np.maximum(rss, np.finfo(float).tiny)
     n = problem.n
-    order = int(np.argmin(n * np.log(rss) + np.log(n) * np.arange(len(rss))))
+    order = ties.lowest(n * np.log(rss) + np.log(n) * np.arange(len(rss)))
     order = max(order, 1)
     after = np.hstack([model, waves[:, :order]])
     largest = 1 + int(np.argmax(np.abs(np.linalg.lstsq(after, y, rcond=None)[0][-order:])))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.engine.judge import TableJudge
@@ -61,7 +62,7 @@ def together(judge: TableJudge, chosen: tuple[int, ...], data: TableData) -> Tog
     found = [one for sd in weights if (one := _asked(judge, chosen, sd, under, values, limit)) is not None]
     if not found:
         return None
-    best = min(found, key=lambda one: one.p)
+    best = ties.least(found, key=lambda one: one.p)
     names = [list(known)[k] for k in best.of]
     return _told(replace(best, p=best.p * len(weights)), {name: known[name] for name in names}, data.scene)
 

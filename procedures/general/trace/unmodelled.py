@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.resolution import least_sd, resolution
 from rig.fitter.trace.aliases import DELTA
@@ -111,7 +112,8 @@ class UnmodelledSmooth(InSensor):
         unit = scene.time.unit_s or 1.0
         series = [left] + [left * v / np.sqrt(np.mean(v**2)) for v in scene.settings.values() if np.any(v)]
         found = [line(_less_means(one, stretch), scene.time.values * unit, stretch) for one in series]
-        best = min((one for one in found if one is not None), key=lambda one: one.p, default=None)
+        seen = [one for one in found if one is not None]
+        best = ties.least(seen, key=lambda one: one.p) if seen else None
         return None if best is None else Line(best.period, best.unit, min(best.p * len(series), 1.0), best.share)
 
     @cached_property
@@ -132,7 +134,7 @@ class UnmodelledSmooth(InSensor):
             block = Block("", columns, ORDERS, np.repeat(np.arange(1.0, HARMONICS + 1), 2))
             each = [one for k in under for one in self.remainders(block, self.seen_at(at=k))]
             p = min(max((one.p for one in each), default=1.0) * found.count, 1.0)
-            if each and (best is None or p < best.p):
+            if each and (best is None or ties.below(p, best.p, 0.0)):
                 best = Line(period, "s", p, each[0].share)
         return best
 
@@ -146,10 +148,11 @@ class UnmodelledSmooth(InSensor):
 
         def ask(block: Block) -> Remainder | None:
             each = [one for at in under for one in self.remainders(block, self.seen_at(at=at))]
-            return max(each, key=lambda one: one.p, default=None)
+            return ties.least(each, key=lambda one: -one.p) if each else None
 
         found = [fine_period(self.left_under(0), v, name, ask) for name, v in settings.items()]
-        best = min((one for one in found if one is not None), key=lambda one: one.p, default=None)
+        seen = [one for one in found if one is not None]
+        best = ties.least(seen, key=lambda one: one.p) if seen else None
         return None if best is None else replace(best, p=min(best.p * len(found), 1.0))
 
     @property

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rig.fitter import RankError, Triangle
+from rig.fitter import RankError, Triangle, ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.formula import Formula
 from rig.fitter.formula_text import Factor, Numeric, Term
@@ -113,7 +113,7 @@ def reduced(data: WholePlotData, output: str, formula: Formula, *, nested: bool)
         t = fit.coefficients / np.sqrt(np.diag(roger.covariance))
         p = dict(zip(names, (t_tail(*pair) for pair in zip(t, fit.df, strict=True)), strict=True))
         free = [a for a in formula.terms if len(a) and not any(contains(b, a) for b in formula.terms)]
-        worst = max(free, key=lambda term: p[str(term)], default=None)
+        worst = ties.least(free, key=lambda term: -p[str(term)]) if free else None
         if worst is None or p[str(worst)] <= KEPT_BELOW:
             return formula, fit
         formula = formula.without(worst)

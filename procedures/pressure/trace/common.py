@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.trace.engine.beside import View
 from rig.procedures.pressure.trace.problem import Problem
@@ -53,7 +54,7 @@ def common_error(problem: Problem, view: View, i: int) -> Common | None:
         free = max(df * (1.0 - alike) / (1.0 + alike) - 1.0, 1.0)
         t = abs(r) * np.sqrt(free / max(1.0 - r**2, np.finfo(float).eps))
         found.append(Common(other, r, min(2.0 * float(special.stdtr(free, -t)) * (len(problem.sensors) - 1), 1.0)))
-    return min(found, key=lambda one: one.p, default=None)
+    return ties.least(found, key=lambda one: one.p) if found else None
 
 
 def _memory(errors: FloatArray) -> float:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.trace.aliases import DELTA, PER_COLUMN, Products, Rival, best_first, rivals, simplest
 from rig.fitter.trace.chance import ALPHA
@@ -103,7 +104,7 @@ class WholePlotJudge(RunJudge):
         value, error = self.white(chosen).alone(chosen)
         clearest: dict[tuple[str, str | None], int] = {}
         wrong = np.flatnonzero(self.signs * value < -SURE * error)
-        for j in sorted(wrong.tolist(), key=lambda j: -abs(float(value[j] / error[j]))):
+        for j in wrong[ties.descending(np.abs(value[wrong] / error[wrong]))].tolist():
             clearest.setdefault((self.candidates[j].effect.name, self.candidates[j].sensor), j)
         found = (j for j in clearest.values() if self.p_unsigned(chosen, j) <= ALPHA)
         return tuple(Impossible(j, float(value[j]), float(error[j])) for j in found)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.linear import orthonormal
 from rig.fitter.trace.limits import limit
@@ -49,7 +50,7 @@ def in_some_plots(unmodelled: InTransducer) -> Finding | None:
         ps = np.array([p for p, _ in each])
         all_of_them = float(special.chdtrc(2 * ps.size, -2.0 * float(np.sum(np.log(np.maximum(ps, 1e-300))))))
         p = 2.0 * min(all_of_them, ps.size * float(ps.min()))
-        if p * len(every) * len(problem.sensors) < best[0]:
+        if ties.below(p * len(every) * len(problem.sensors), best[0], 0.0):
             clear = ps < OF_ITS_OWN
             where = f"clearly in {np.sum(clear)} of {ps.size} whole plots, each by its own amount"
             gained = sum(gain for (_, gain), counts in zip(each, clear, strict=True) if counts)
