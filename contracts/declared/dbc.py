@@ -225,7 +225,7 @@ def _of_words(database: Database, place: str, ask: Ask, common: Mapping[str, str
             yield f"{place}.words: {path} is never {word!r}; the DBC has {', '.join(has)}"
     if ask.status is not None and not given:
         yield f"{place}: status = {path!r} needs words: which of its values means that a reading counts (stable)"
-    if not (ask.status is not None or place.endswith((".output", ".settled"))) or ask.bit is not None:
+    if not (ask.status is not None or place.endswith((".output", ".settled"))) or ask.asks_bit:
         return
     own = set(given) - (SWITCHED if set(given) <= SWITCHED else set())
     for word, number in has.items():

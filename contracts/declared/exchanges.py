@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
@@ -76,6 +76,7 @@ class Ask(Register):
     )
     field: str = Field("value", description="field of its answer that has its number")
     bit: int | None = Field(None, ge=0, le=31, description="the bit of its number that means yes; 0 is the lowest")
+    off_bit: int | None = Field(None, ge=0, le=31, description="the bit that means no, in place of one that means yes")
     timeout_s: float | None = Field(None, gt=0, le=600, description="longest wait for its answer; left out: the wire's")
     lines: int = Field(1, ge=1, le=20, description="lines of its answer, which are joined by a space")
 
@@ -88,6 +89,30 @@ class Ask(Register):
     def forms(self) -> tuple[str, ...]:
         """Forms of its answer."""
         return self.answer or (("{state}",) if self.words else ("{value}",))
+
+    @model_validator(mode="after")
+    def _one_bit(self) -> Self:
+        if self.bit is not None and self.off_bit is not None:
+            raise ValueError("bit means yes and off_bit means no: one of them")
+        return self
+
+    @property
+    def asks_bit(self) -> bool:
+        """Whether a bit of its number is what counts."""
+        return self.bit is not None or self.off_bit is not None
+
+    @property
+    def _place(self) -> int:
+        """Which bit; the lowest where none is named."""
+        return self.bit if self.bit is not None else self.off_bit or 0
+
+    def of_bit(self, number: float) -> str:
+        """What the bit of a number means: on or off."""
+        return "on" if (int(number) >> self._place & 1) != (self.off_bit is not None) else "off"
+
+    def with_bit(self, meaning: str) -> float:
+        """A number with the bit that means this, for the twin."""
+        return float(((meaning in ("on", "stable")) != (self.off_bit is not None)) << self._place)
 
     @property
     def said(self) -> str:

@@ -259,7 +259,7 @@ class Instrument(Strict):
             if isinstance(one, Ask):
                 yield from unknown_words(f"{place}.words", one.words)
                 if self.modbus and place not in ("source.output", "source.settled"):
-                    bit = one.type == "bit" or one.bit is not None or one.table in ("coil", "discrete")
+                    bit = one.type == "bit" or one.asks_bit or one.table in ("coil", "discrete")
                     kind = "bit" if bit else one.type or self.wire.type
                     yield from wrong_numbers(f"{place}.words", one.words, kind)
                 if not self.can and (one.request is not None or one.status is not None):

@@ -96,7 +96,7 @@ class Source(Strict):
         found = dict(given)
         for key, words in (("output", _SWITCHED), ("settled", _ARRIVED)):
             one = {"ask": given[key]} if isinstance(given.get(key), str) else given.get(key)
-            if isinstance(one, dict) and not one.keys() & {"answer", "words", "bit"}:
+            if isinstance(one, dict) and not one.keys() & {"answer", "words", "bit", "off_bit"}:
                 found[key] = {**one, "words": words}
         return found
 

@@ -62,7 +62,7 @@ class BridgedTalk(TextTalk):
         """Forms of an answer: a library may say the unit of a number."""
         if one.answer or one.words or one is self.table.identity or isinstance(getattr(one, "is_", None), str):
             return one.forms
-        return _OF_ANY_UNIT if isinstance(one, Check) or one.bit is not None else _WITH_UNIT
+        return _OF_ANY_UNIT if isinstance(one, Check) or one.asks_bit else _WITH_UNIT
 
 
 def _readings(table: Instrument) -> list[str]:

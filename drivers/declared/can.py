@@ -217,8 +217,8 @@ class CanTalk(Talk):
             raise self.bad(ask, f"{ask.status} = {of[ask.status]}", f"one of the words {known}")
         named = isinstance(found[0], NamedSignalValue)
         number = number * signal.scale + signal.offset if named else number
-        if ask.bit is not None:
-            meaning = meaning or ("on" if int(number) >> ask.bit & 1 else "off")
+        if ask.asks_bit:
+            meaning = meaning or ask.of_bit(number)
         if not meaning and not named and not self._possible(signal, number):
             low, high = dbc.span(signal)
             raise self.bad(ask, word, f"a number from {low:g} to {high:g}, as the DBC has it")

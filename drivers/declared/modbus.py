@@ -100,12 +100,12 @@ class ModbusTalk(Talk):
             meaning = meaning or "overload"  # IEEE 754 has it for what is beyond a range
         elif not finite and not meaning:  # its checksum is right: no reading repeated would have a number
             raise InstrumentError(f"{self.where}, asked {ask.said!r},", 0, "NaN, no number: has it no sensor there?")
-        if place.bit or ask.bit is not None or ask.type == "bit":
-            meaning = meaning or ("on" if int(number) >> (ask.bit or 0) & 1 else "off")
+        if place.bit or ask.asks_bit or ask.type == "bit":
+            meaning = meaning or ask.of_bit(number)
         value = ask.quantity(number)
         if ask.decimals is not None:
             value *= self._places(ask)
-        if place.whole and ask.bit is None:
+        if place.whole and not ask.asks_bit:
             self.printed[id(ask)] = printed, value
         found = Answer({"value": printed}, value, meaning, printed)
         if ask.decimals is None:

@@ -184,8 +184,8 @@ class TextTalk(LinesTalk):
                 printed = text
                 number = self._number(ask, form, raw, text)
                 meaning = meaning or (self.meant(ask, text, number, holes) if words else "")
-                if ask.bit is not None:
-                    meaning = "on" if int(number) >> ask.bit & 1 else "off"
+                if ask.asks_bit:
+                    meaning = ask.of_bit(number)
                 value = ask.quantity(number) if ask.decimals is None else self._quantity(ask, form, fields, number)
                 self.printed[id(ask)] = text, value
             elif name == "unit":

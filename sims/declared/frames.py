@@ -207,8 +207,8 @@ class FramesTwin(Behaviour):
         except Refused:
             return 0.0
         self._meanings[id(ask)] = said.meaning
-        if ask.bit is not None:
-            return float(said.meaning in ("on", "stable")) * (1 << ask.bit)
+        if ask.asks_bit:
+            return ask.with_bit(said.meaning)
         words = set({**self.table.words, **ask.words}.values())
         by_word = isnan(said.value) or said.meaning == "overload" or place.endswith((".output", ".settled"))
         if by_word and said.meaning in words and ask.status is None:

@@ -328,8 +328,8 @@ class LinesTwin(Behaviour):
         if name == "unit":
             return self._unit()
         if name == "value":
-            if ask.bit is not None:
-                return float(1 << ask.bit if said.meaning in ("on", "stable") else 0)
+            if ask.asks_bit:
+                return ask.with_bit(said.meaning)
             if isnan(said.value) or (said.meaning in words and said.meaning in ("on", "off", "vent", "overload")):
                 return words.get(said.meaning)
             return self._number(ask, field, said.value)

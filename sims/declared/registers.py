@@ -105,8 +105,8 @@ class RegistersTwin(Behaviour):
             return self._kept.get(key, other)
         said = self.answers(place, ask, {})
         words = {meaning: word for word, meaning in reversed({**self.table.words, **ask.words}.items())}
-        if ask.bit is not None or ask.table in ("coil", "discrete") or ask.type == "bit":
-            return float(said.meaning in ("on", "stable")) * (1 << (ask.bit or 0))
+        if ask.asks_bit or ask.table in ("coil", "discrete") or ask.type == "bit":
+            return ask.with_bit(said.meaning)
         if said.meaning in words and (isnan(said.value) or place.endswith(("output", "settled", "fetch"))):
             return float(words[said.meaning])
         if said.meaning == "overload" and "overload" in words:

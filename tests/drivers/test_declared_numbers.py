@@ -69,3 +69,61 @@ def test_a_number_may_have_a_comma() -> None:
     assert form.read(" 20,04;C") is None
     assert Form(form.text).filled({"unit": "C"}).text == "{value:7,3};C"
     assert step_of("20,04") == 0.01  # an acknowledged value may differ by no more
+
+
+STANDBY = """
+maker = "ACME"
+model = "S4"
+[wire]
+WIRE
+[identity]
+IDENTITY
+[source]
+unit = "V"
+low = 0
+high = 10
+SOURCE
+dwell_s = 1
+"""
+LINES = (
+    'ask = "ID?"\nanswer = "{maker} {model}"',
+    """
+set = "V{value:.3}"
+setpoint = "V?"
+on = "RUN"
+off = "STBY"
+output = { ask = "STB?", answer = "{value:d}", off_bit = 5 }
+""",
+)
+REGISTERS = (
+    "register = 40\nis = 4711",
+    """
+set = { register = 1, type = "float32" }
+setpoint = { register = 1, type = "float32" }
+on = { register = 9, value = 1 }
+off = { register = 9, value = 0 }
+output = { register = 8, off_bit = 5 }
+""",
+)
+
+
+@pytest.mark.parametrize(
+    ("wire", "protocol", "parts"), [("", "text", LINES), ('protocol = "modbus"', "modbus", REGISTERS)]
+)
+def test_a_bit_may_mean_that_it_is_off(wire: str, protocol: str, parts: tuple[str, str]) -> None:
+    text = STANDBY.replace("WIRE", wire).replace("IDENTITY", parts[0]).replace("SOURCE", parts[1])
+    it = DeclaredBench(text, protocol=protocol)
+    it.it.prepare()
+    assert not it.it.read().output
+    it.it.set(2.5)
+    assert it.it.read().output
+    it.it.make_safe()
+    assert not it.it.read().output
+    if protocol == "text":
+        assert b"32" in b"".join(data for direction, data in it.wire if direction == "rx")
+
+
+def test_one_bit_cannot_mean_both() -> None:
+    text = STANDBY.replace("WIRE", "").replace("IDENTITY", LINES[0]).replace("SOURCE", LINES[1])
+    with pytest.raises(ValueError, match="bit means yes and off_bit means no: one of them"):
+        parse(text.replace("off_bit = 5", "bit = 4, off_bit = 5"))
