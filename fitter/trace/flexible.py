@@ -165,10 +165,15 @@ def evidence(y: FloatArray, columns: FloatArray, roughness: FloatArray | None = 
         return 0.0
     columns = columns[:, kept]
     typical = float(np.max(scale))
+    rough = None if roughness is None else roughness[kept]
+    return of_products(columns.T @ columns / typical**2, columns.T @ y / typical, rough)
+
+
+def of_products(gram: FloatArray, along: FloatArray, roughness: FloatArray | None) -> float:
+    """`evidence` from products of columns whose longest has length one, (m, m), and theirs with y, (m,)."""
     best = 0.0
-    gram, along = columns.T @ columns / typical**2, columns.T @ y / typical
     for decay in (0.0,) if roughness is None else DECAYS:
-        falls = 1.0 if roughness is None else roughness[kept] ** -decay
+        falls = 1.0 if roughness is None else roughness**-decay
         values, vectors = np.linalg.eigh(gram * np.outer(falls, falls) if roughness is not None else gram)
         values = np.maximum(values, 0.0)
         square = (vectors.T @ (falls * along)) ** 2

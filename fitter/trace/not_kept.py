@@ -1,4 +1,4 @@
-"""Candidates that are left out and named: combinations of others, too large for computation, or of no help."""
+"""Candidates that are left out and named: combinations of others, too large for computation, of no help, or outdone."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ LARGEST = 1e75
 """Values beyond this have squares and products beyond the range of a double."""
 
 
-Why = Literal["error", "rises", "dependent", "overflow"]
+Why = Literal["error", "rises", "dependent", "overflow", "shape"]
 
 _WHY: dict[Why, str] = {
     "error": "it is significant (p {p:.2g}), but {error} is not smaller with it",
     "rises": "it is significant (p {p:.2g}), but the error of all strata is larger with it than without any effect",
     "dependent": "these data cannot distinguish it from effects in the model",
     "overflow": "its values are too large to be computed with",
+    "shape": "it is doubtful, and a shape without a name, {error}, explains more than it does",
 }
 
 
@@ -35,9 +36,10 @@ class NotKept:
         effect: its name.
         sensor: its sensor; None for all.
         why: "error" if the declared error is not smaller with it, "rises" if that of all strata is larger,
-            "dependent" if its column is a combination of others, "overflow" if its values are too large for a double.
+            "dependent" if its column is a combination of others, "overflow" if its values are too large for a double,
+            "shape" if one without a name outdoes it.
         p: family-wise, beside the others; one if it was not judged.
-        error: name of the error that is not smaller with it; "" if not relevant.
+        error: name of the error that is not smaller with it, or place of the shape; "" if not relevant.
         share: of the residual that it would explain, where it raises the error.
     """
 

@@ -25,7 +25,7 @@ from rig.procedures.attitude.effects import Scene, separate
 from rig.procedures.attitude.effects.unnamed import NAMELESS
 from rig.procedures.attitude.fit import AttitudeFit, coefficient_table, temperature_table
 from rig.procedures.attitude.model import attitude_columns
-from rig.procedures.attitude.trace.estimate import Estimate, concerns, predict
+from rig.procedures.attitude.trace.estimate import Estimate, concerns, estimate, predict
 from rig.procedures.attitude.trace.fine import turns_with
 from rig.procedures.attitude.trace.grid import same_on_grid
 from rig.procedures.attitude.trace.judge import AttitudeJudge
@@ -240,15 +240,22 @@ def _pure_variance(table: Replication) -> float:
     return table.sigma_pr**2 if np.isfinite(table.sigma_pr) else table.sigma_E**2
 
 
+def left_without_a_name(problem: Problem, unmodelled: UnmodelledSmooth, i: int) -> bool:
+    """Whether something without a name, that is not of the noise, is left in sensor `i` beside what was found."""
+    rest = _unnamed(problem, estimate(problem, unmodelled.chosen), unmodelled, i)
+    return any(one.stratum != "noise" for one in rest)
+
+
 def _unnamed(problem: Problem, after: Estimate, unmodelled: UnmodelledSmooth, i: int) -> tuple[Finding, ...]:
     table, rest = after.tables[i], list[Finding]()
     if table.sigma_E < RESOLVED * np.ptp(after.corrected[i]):
         return ()
     between, within = (unmodelled.left_in(i, level) for level in LEVELS[1:])
-    if table.bias.p < UNEXPLAINED:
+    clear = between is not None and between.p < UNEXPLAINED
+    if table.bias.p < UNEXPLAINED and not (clear and unmodelled.outdoes):
         shape = unmodelled.drawn_points(between, table.bias.p, i)
         rest.append(replace(strongest_wave(problem, after.corrected[i]), shape=shape))
-    elif between is not None and between.p < UNEXPLAINED:
+    elif between is not None and clear:
         part = _part(table, between.remainder.share)
         rest.append(remains(between.where, part, shape=drawn(unmodelled, between, i)))
     fine = unmodelled.fine

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,10 +24,11 @@ from rig.procedures.attitude.trace.agreement import supported
 from rig.procedures.attitude.trace.alternatives import alternatives
 from rig.procedures.attitude.trace.constant import doubts_of
 from rig.procedures.attitude.trace.estimate import concerns, estimate, stated
-from rig.procedures.attitude.trace.findings import residual_of, sensor_trace
+from rig.procedures.attitude.trace.findings import left_without_a_name, residual_of, sensor_trace
 from rig.procedures.attitude.trace.judge import AttitudeJudge
 from rig.procedures.attitude.trace.make_problem import make_problem
 from rig.procedures.attitude.trace.noise import alone
+from rig.procedures.attitude.trace.outdone import outdone_in
 from rig.procedures.attitude.trace.plausible import outsized, plausible
 from rig.procedures.attitude.trace.problem import Problem
 from rig.procedures.attitude.trace.restarts import search_with_restarts
@@ -35,6 +37,8 @@ from rig.procedures.attitude.trace.simpler import simplified
 from rig.procedures.attitude.trace.unmodelled import UnmodelledSmooth
 from rig.procedures.attitude.trace.wander import with_wander
 
+SHOWN = 0.1
+"""Share of a candidate in a sensor from which it is seen there."""
 _SEARCH = 0.5
 """Part of the time until the first replication is left out, about."""
 
@@ -103,19 +107,22 @@ def trace(
     search = Search((*catalogue, *UNNAMED) if unnamed else tuple(catalogue), temperature, unnamed)
     off, judge, found, not_kept = _settled(data, search)
     problem = judge.problem
+    judge.forget()  # shapes without a name take as much memory
+    named, every = _named(judge, found, outdo=not unnamed), found
+    unmodelled, not_kept = named.unmodelled, (*not_kept, *named.outdone)
+    unmodelled.forget()
+    found = unmodelled.chosen
     cv = None
     if validate:
-        judge.forget()  # the searches of parts, which take most memory, come while least is kept of the whole run
-        cv = left_out(problem.scene.data, search, anything=bool(found))
+        cv = left_out(problem.scene.data, search, anything=bool(found), outdone=named.names)
     before, after = estimate(problem, ()), estimate(problem, found)
     inside = left_in(judge, found, problem.sensors, stated(before), lambda one: stated(estimate(problem, found, one)))
     taken_out = estimate(problem, found, inside) if any(inside) else after
-    classes = {name: judge.rivals(found, name) for name in names_of(problem.candidates, found)}
+    # what is like a name, is so beside what is like the shape that outdoes others
+    classes = {name: judge.rivals(every, name) for name in names_of(problem.candidates, found)}
     wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
     wrong = (*outsized(judge, found), *wrong)
-    judge.forget()  # shapes without a name take as much memory
-    unmodelled = UnmodelledSmooth(problem, found)
-    doubts = doubts_of(unmodelled) | led_by_history(judge, found)
+    judge.forget()
     sensors = {
         sensor: sensor_trace(
             judge,
@@ -130,7 +137,7 @@ def trace(
             None if cv is None else cv[:, i],
             wrong,
             unmodelled,
-            doubts,
+            named.doubts,
         )
         for i, sensor in enumerate(problem.sensors)
     }
@@ -148,6 +155,45 @@ def trace(
         others,
         explanations=explanations,
     )
+
+
+class Named(NamedTuple):
+    """What of the findings has a name.
+
+    Attributes:
+        unmodelled: the run beside it.
+        doubts: reasons for doubt by name.
+        outdone: names that one shape without a name outdoes.
+    """
+
+    unmodelled: UnmodelledSmooth
+    doubts: dict[str, str]
+    outdone: tuple[NotKept, ...] = ()
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names that are outdone."""
+        return frozenset(one.effect for one in self.outdone)
+
+
+def _named(judge: AttitudeJudge, found: tuple[int, ...], *, outdo: bool) -> Named:
+    """The findings without doubtful names that a shape without a name outdoes, if that is then said in each sensor.
+
+    A name that stays has the doubt that it had beside all: that less has a name now is none about it.
+    """
+    every = UnmodelledSmooth(judge.problem, found)
+    own, of_history = doubts_of(every), led_by_history(judge, found)
+    doubts, outdone = own | of_history, outdone_in(every, own) if outdo else {}
+    if not outdone:
+        return Named(every, doubts)
+    rest = replace(every.without(tuple(outdone)), outdoes=True)
+    out = {(name, judge.candidates[j].sensor): place for name, place in outdone.items() for j in every.of(name)}
+    seen = np.max([concerns(judge.problem, j) for name in outdone for j in every.of(name)], axis=0) > SHOWN
+    if not all(left_without_a_name(judge.problem, rest, i) for i in np.flatnonzero(seen).tolist()):
+        return Named(every, doubts)
+    again = doubts_of(rest) | of_history
+    kept = {name: again.get(name, why) for name, why in doubts.items() if name not in outdone}
+    return Named(rest, kept, tuple(NotKept(*one, "shape", error=place) for one, place in out.items()))
 
 
 def final_check(judge: AttitudeJudge, chosen: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[NotKept, ...]]:
@@ -190,11 +236,12 @@ def left_out(
     search: Search,
     *,
     anything: bool = True,
+    outdone: frozenset[str] = frozenset(),
 ) -> FloatArray | None:
     """(2, S) rms error of left-out replications, V, before and after; None if fewer than two can be left out.
 
     The search is repeated without the left-out replication, whose own offset is predicted as zero. Without findings in
-    the whole run there is no repetition.
+    the whole run there is no repetition. Names that are `outdone` in the whole run are not used.
     """
     if data.replicates.size < 2:
         return None
@@ -207,15 +254,18 @@ def left_out(
             problem = (search if anything else replace(search, catalogue=())).problem_of(rest)
         except FitError:
             return None
-        squares += _squares_aside(problem, search, aside, anything=anything)
+        squares += _squares_aside(problem, search, aside, outdone, anything=anything)
         del problem  # otherwise the next one would be built at the same time
     return np.asarray(np.sqrt(squares / len(data)))
 
 
-def _squares_aside(problem: Problem, search: Search, aside: AttitudeData, *, anything: bool) -> FloatArray:
+def _squares_aside(
+    problem: Problem, search: Search, aside: AttitudeData, outdone: frozenset[str], *, anything: bool
+) -> FloatArray:
     """(2, S) sums of squared errors of data `aside`, before and after a search of the rest."""
     found: tuple[int, ...] = ()
     if anything:
         judge, found = search.settle(problem, restarts=False)
         problem = judge.problem
+        found = tuple(j for j in found if problem.candidates[j].effect.name not in outdone)
     return np.stack([np.sum(residual_of(problem, estimate(problem, one), aside) ** 2, axis=1) for one in ((), found)])

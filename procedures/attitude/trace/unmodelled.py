@@ -48,11 +48,13 @@ class UnmodelledSmooth(Unmodelled):
     Attributes:
         problem: the run.
         chosen: candidates in the model.
+        outdoes: whether a shape that is left was more probable than names, which are not in the model.
 
     """
 
     problem: Problem
     chosen: tuple[int, ...]
+    outdoes: bool = False
     _views: dict[str, View] = field(default_factory=dict)
     _without_names: dict[tuple[str, ...], UnmodelledSmooth] = field(default_factory=dict)
 
@@ -88,6 +90,11 @@ class UnmodelledSmooth(Unmodelled):
             kept = tuple(j for j in self.chosen if self.candidates[j].effect.name not in names)
             self._without_names[names] = UnmodelledSmooth(self.problem, kept)
         return self._without_names[names]
+
+    def forget(self) -> None:
+        """Drop residuals, which take much memory; they are made again if they are asked for."""
+        self._views.clear()
+        self._without_names.clear()
 
     def view(self, level: str) -> View:
         """Residuals at a level, beside all that was found."""
