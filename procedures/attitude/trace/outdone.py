@@ -69,7 +69,7 @@ def _price(run: UnmodelledSmooth, name: str) -> float:
 
 
 def _shapes(run: UnmodelledSmooth, view: View, white: Callable[[FloatArray], FloatArray]) -> Iterator[Shape]:
-    """Of all sensors together at each place."""
+    """Shapes of all sensors together, at each place."""
     by_text = dict[str, list[Place]]()
     for place in (*run.places, *_wider(run)):
         by_text.setdefault(place.text, []).append(place)

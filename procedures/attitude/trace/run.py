@@ -158,7 +158,7 @@ def trace(
 
 
 class Named(NamedTuple):
-    """What of the findings has a name.
+    """Findings that have a name.
 
     Attributes:
         unmodelled: the run beside it.
