@@ -6,7 +6,7 @@ from proving.truth.table import MISSING, options, simulate
 from rig.fitter.trace.search import names_of
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.trace import search_table
-from rig.procedures.general.trace.laws import other_laws
+from rig.procedures.general.trace.reasons import other_laws
 from rig.procedures.general.trace.unmodelled import UnmodelledSmooth
 from rig.procedures.tables.table import Table
 
