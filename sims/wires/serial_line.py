@@ -84,6 +84,10 @@ class SerialCable:
         """Whether the host's end is connected."""
         return self._receive is not None
 
+    def hears(self, receive: Callable[[bytes], None]) -> bool:
+        """Whether this is the host's end that is connected."""
+        return self._receive == receive
+
     def attach(self, receive: Callable[[bytes], None] | None) -> None:
         """Connect the host's end to `receive`; None disconnects it, and arriving bytes are lost."""
         self._receive = receive

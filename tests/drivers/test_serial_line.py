@@ -361,3 +361,13 @@ def test_serial_servers_on_the_network(scheme):
             2,
         )
     wires.close()
+
+
+def test_a_port_of_a_dead_program_that_is_closed_late_does_not_cut_off_its_successor():
+    """Python closes a port when it collects it, at any time: a night then was not the same again."""
+    world, twin, old, _ = parrot()
+    find(old.address.removeprefix("sim://")).attach(None)  # its program has died
+    new = Wires(world).serial(old.address, SerialSettings(9600, timeout_s=1.0), "parrot")
+    old.close()
+    twin.answers = [(0.0, b"here\r\n")]
+    assert new.query("A") == "here"

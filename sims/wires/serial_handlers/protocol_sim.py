@@ -50,8 +50,8 @@ class Serial(SerialBase):
         self.is_open = True
 
     def close(self) -> None:
-        """Disconnect."""
-        if self.is_open and self._alive():
+        """Disconnect, unless another one has connected since: one that is collected later must not cut that off."""
+        if self.is_open and self._alive() and self._plugged().hears(self._hear):
             self._plugged().attach(None)
             self._plugged().host_dtr(None)
         self._cable = None
