@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-import proving.strangers
-from proving.strangers.runs import made_of
-from proving.strangers.scoring import said_of
-from proving.strangers.sets import load
-from proving.strangers.traced import traced
+from proving.truth.attitude import Bench, Plan, simulate
 from rig.fitter.trace.fine_periods import fine_period
 from rig.fitter.trace.flexible import remainders
+from rig.procedures.attitude.trace import trace as trace_of_sensors
 from rig.procedures.general.column_roles import Roles, roles_of
 from rig.procedures.general.trace import trace_general
 from rig.procedures.tables.table import Table
@@ -86,11 +81,12 @@ def test_a_meter_that_zeroes_itself_after_every_sixth_reading_is_seen(sd):
     assert found.cause in {f"along the run, again after {k} rows" for k in (2, 6, 12)}
 
 
-def test_what_a_stranger_put_into_a_stage_is_seen_at_its_true_period():
-    """180 turns of a worm in a turn of pitch."""
-    stranger = load(Path(proving.strangers.__file__).parent / "fifteenth")
-    said = said_of(traced(made_of(stranger, "attitude", ("worm_turn",), seed=1, size=1.0), left_out=False))
-    for sensor in said:
-        (where,) = [text for text in sensor.unnamed if "periodic" in text]
+def test_an_encoder_of_many_lines_is_seen_at_its_true_period():
+    """360 in a turn of pitch, more than are searched by name."""
+    rng = np.random.default_rng(3)
+    plan = Plan(np.sort(rng.uniform(-60.0, 60.0, 80)), rng.uniform(-180.0, 180.0, 6), 3)
+    data = simulate(Bench(pitch_gear_deg=(2e-4, 1e-4), pitch_teeth=360.0), plan, 1)[0]
+    for found in trace_of_sensors(data, validate=False).sensors.values():
+        (where,) = [one.cause for one in found.unnamed if "periodic" in one.cause]
         assert where.startswith("between points, package: an error of pitch, over pitch: periodic")
-        assert float(where.split()[-2]) == pytest.approx(2.0, rel=1e-3)
+        assert float(where.split()[-2]) == pytest.approx(1.0, rel=1e-3)

@@ -2,42 +2,47 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-import proving.strangers
 import rig
-from proving.strangers.runs import made_of
-from proving.strangers.sets import load
+from proving.statistics.attitude import GRID
+from proving.truth import table
+from proving.truth.attitude import simulate
+from proving.truth.attitude_hidden import sized
+from proving.truth.table import Lab
 from proving.truth.whole_plot_hidden import hide
 from rig.effects import laboratory_effects
 from rig.errors import ConfigurationError
+from rig.procedures.attitude.effects.catalogue import CATALOGUE
+from rig.procedures.attitude.effects.effect import Effect
+from rig.procedures.attitude.trace import trace
 from rig.procedures.evaluate.catalogue import with_own
 from rig.procedures.pressure.effects import PRESSURE_CATALOGUE
 from rig.procedures.pressure.effects.scene import PressureEffect
 from rig.procedures.pressure.trace import trace_whole_plots
 
-STRANGER = Path(proving.strangers.__file__).parent / "fifteenth"
 
-
-def of_a_table(kind: str, cause: str, tmp_path: Path) -> tuple[str, str]:
+def of_attitude_sensors(_: Path) -> tuple[str, str]:
     """The first name, and why it is doubtful."""
-    made = made_of(load(STRANGER), kind, (cause,), seed=1, size=2.0)
-    (tmp_path / "table.csv").write_text(made.csv)
-    options = {key[2:]: value for key, value in zip(made.options[::2], made.options[1::2], strict=True)}
-    sensors = rig.open(tmp_path / "table.csv").trace(**options).to_json()["sensors"]
-    effect = next(iter(sensors.values()))["effects"][0]
-    return effect["effect"], effect["doubtful"] or ""
-
-
-def of_attitude_sensors(tmp_path: Path) -> tuple[str, str]:
-    return of_a_table("attitude", "axes_skew", tmp_path)
+    data = simulate(sized("square axes", 2.0, GRID), GRID, 1)[0]
+    catalogue = with_own(CATALOGUE, laboratory_effects(), Effect)
+    one = replace(data, outputs={"y_V": data.outputs["y_V"]})
+    (found,) = trace(one, catalogue, validate=False).sensors.values()
+    return found.effects[0].effect, found.effects[0].doubtful or ""
 
 
 def of_any_table(tmp_path: Path) -> tuple[str, str]:
-    return of_a_table("general", "stuck_start", tmp_path)
+    lab = Lab(60, clock=True)
+    columns = table.simulate(lab, 1, table.MISSING["drift"].at(1.5))
+    with (tmp_path / "table.csv").open("w", newline="") as file:
+        csv.writer(file).writerows([list(columns), *zip(*columns.values(), strict=True)])
+    (sensor,) = rig.open(tmp_path / "table.csv").trace(**table.options(lab)).to_json()["sensors"].values()
+    return sensor["effects"][0]["effect"], sensor["effects"][0]["doubtful"] or ""
 
 
 def of_transducers(tmp_path: Path) -> tuple[str, str]:
@@ -50,7 +55,7 @@ def of_transducers(tmp_path: Path) -> tuple[str, str]:
 KINDS = [
     (of_attitude_sensors, "axes-not-square", "magnetic-heading"),
     (of_transducers, "sensor-temperature-third-order", "sensor-by-sse-squared"),
-    (of_any_table, "kink:torque_Nm", "clip:torque_Nm"),
+    (of_any_table, "drift:t_s", "ageing:t_s"),
 ]
 
 
