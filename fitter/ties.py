@@ -108,7 +108,13 @@ def ordered(items: Iterable[T], key: Callable[[T], float], unit: float = 0.0) ->
 
 
 def least(items: Iterable[T], key: Callable[[T], float], unit: float = 0.0) -> T:
-    """The item of the lowest key, the first of equals; see `ordered`. Raises `ValueError`: there are none."""
+    """The item of the lowest key, the first of equals; see `ordered`. Raises `ValueError`: there are none.
+
+    Example:
+        >>> least(["a", "b"], key={"a": 1.0, "b": 1.0 - 1e-12}.__getitem__)
+        'a'
+
+    """
     every = list(items)
     return every[lowest([key(one) for one in every], unit)]
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.nonlinear.curve import Curve, Each
 
@@ -111,7 +112,7 @@ class Measured:
                 break
             nodes = self._nodes(rows, square, share)
             squares = self._squares(np.repeat(rows, share.size), nodes.ravel()).reshape(nodes.shape)
-            best = squares.argmin(axis=1)[:, None]
+            best = ties.highest_of_each(-squares.T, 0.0)[:, None]
             lowest = np.take_along_axis(squares, best, 1)[:, 0]
             better, far = lowest < square[rows], lowest < _QUARTER * square[rows]
             xi[rows[better]] = np.take_along_axis(nodes, best, 1)[better, 0]

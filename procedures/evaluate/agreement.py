@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.procedures.column_names import spelled, unit_of
 from rig.procedures.evaluate.inference import Inference
@@ -70,8 +71,8 @@ def _compared(found: Inference, quantity: str, sensors: Mapping[str, str]) -> In
         for row in map(int, np.flatnonzero(pair.beyond)):
             told = f"{pair.names} differ by {pair.apart[row]:.3g} {unit}"
             words[row] = f"{words[row]}; {told}" if words[row] else told
-    worst = max(pairs, key=lambda one: float(one.apart[one.beyond].max()))
-    row = int(np.argmax(np.where(worst.beyond, worst.apart, -1.0)))
+    worst = ties.least(pairs, key=lambda one: -float(one.apart[one.beyond].max()))
+    row = ties.highest(np.where(worst.beyond, worst.apart, -1.0), 0.0)
     name = f"{quantity}{DIFFER}"
     while name in found.columns:
         name += "_"

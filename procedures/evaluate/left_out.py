@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.errors import FitError
 from rig.fitter.gross import LEVEL, GrossErrors
 from rig.fitter.json_values import if_finite
@@ -279,7 +280,7 @@ def _compared(fits: tuple[FitSummary, FitSummary | str], moved: Mapping[str, flo
     text = f"Without them {', '.join(sigmas)}"
     known = {name: value for name, value in (moved or {}).items() if value is not None}
     if known:
-        worst = max(known, key=lambda name: abs(known[name]))
+        worst = ties.least(known, key=lambda name: -abs(known[name]))
         text += f"; with them {worst} is {abs(known[worst]):.2g} of its standard errors off"
     return text
 

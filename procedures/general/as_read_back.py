@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.procedures.column_names import with_word
 from rig.procedures.errors import DataError
 from rig.procedures.tables.table import Table
@@ -49,7 +50,7 @@ def as_read_back(table: Table, fitted: Mapping[str, Any], fit: Callable[[Table],
         for term, one in fitted["coefficients"].items()
         if term in again["coefficients"] and one["stderr"]
     }
-    most = max(far, key=lambda term: far[term], default="")
+    most = ties.least(far, key=lambda term: -far[term]) if far else ""
     if not most or far[most] < _OF_ERROR:
         return ()
     return (

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Alias, Largest, Signed
 from rig.fitter.effects.manual_changes import removed_by
@@ -50,7 +51,7 @@ def _sag(about: int, along: int) -> Term:
 
     def shown(scene: Scene, sensor: str) -> tuple[str, float]:
         m = np.where(np.arange(3) == about, 0.0, scene.axes[sensor])
-        main = int(np.argmax(np.abs(m)))
+        main = ties.highest(np.abs(m))
         other = 3 - main - about
         text, factor = product_formula(other, along, roll=scene.roll)
         return text, float(-_DEGREE * m[main] * np.cross(axis, np.eye(3)[other])[main] * factor)
@@ -164,7 +165,7 @@ def _scaled(axis: int) -> Term:
 
     def shown(scene: Scene, sensor: str) -> tuple[str, float]:
         m = scene.axes[sensor]
-        main = int(np.argmax(np.abs(m)))
+        main = ties.highest(np.abs(m))
         text, factor = product_formula(main, axis, roll=scene.roll)
         return text, float(m[main] * factor)
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
 
 STEPS = 40
@@ -118,10 +119,10 @@ class KnownRoll:
         ]
         found = np.stack([self._refine(y, start) for start in starts])
         costs = np.stack([self.cost(y, pitch) for pitch in found])
-        best = np.argmin(costs, axis=0)[None]
+        best = ties.highest_of_each(-costs)[None]
         first, least = np.take_along_axis(found, best, 0)[0], np.take_along_axis(costs, best, 0)[0]
         others = np.where(np.abs(wrap(found - first)) > _SAME, costs, np.inf)
-        other = np.argmin(others, axis=0)[None]
+        other = ties.highest_of_each(-others)[None]
         second, next_least = np.take_along_axis(found, other, 0)[0], np.take_along_axis(others, other, 0)[0]
         unsure = next_least - least < DECISIVE
         nearer = np.abs(wrap(first - near)) <= np.abs(wrap(second - near))

@@ -118,7 +118,7 @@ def trace(
     before, after = estimate(problem, ()), estimate(problem, found)
     inside = left_in(judge, found, problem.sensors, stated(before), lambda one: stated(estimate(problem, found, one)))
     taken_out = estimate(problem, found, inside) if any(inside) else after
-    # what is like a name, is so beside what is like the shape that outdoes others
+    # beside all that was found: names that were left out hold the place of the shape that outdid them
     classes = {name: judge.rivals(every, name) for name in names_of(problem.candidates, found)}
     wrong = refusals(judge, found, classes, {name: fit.parameters.S_V for name, fit in problem.fits.items()})
     wrong = (*outsized(judge, found), *wrong)
@@ -179,7 +179,7 @@ class Named(NamedTuple):
 def _named(judge: AttitudeJudge, found: tuple[int, ...], *, outdo: bool) -> Named:
     """The findings without doubtful names that a shape without a name outdoes, if that is then said in each sensor.
 
-    A name that stays has the doubt that it had beside all: that less has a name now is none about it.
+    A name that stays is doubtful only if it was so before: that the shape has no name is no doubt about another cause.
     """
     every = UnmodelledSmooth(judge.problem, found)
     own, of_history = doubts_of(every), led_by_history(judge, found)

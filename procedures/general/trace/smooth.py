@@ -97,7 +97,7 @@ def offered(
     order = ties.lowest(n * np.log(rss) + np.log(n) * np.arange(len(rss)))
     order = max(order, 1)
     after = np.hstack([model, waves[:, :order]])
-    largest = 1 + int(np.argmax(np.abs(np.linalg.lstsq(after, y, rcond=None)[0][-order:])))
+    largest = 1 + ties.highest(np.abs(np.linalg.lstsq(after, y, rcond=None)[0][-order:]), 0.0)
     sigma = tuple(_sigma(problem.y, m) for m in (model, after))
     return Smooth(
         kind="unnamed",
