@@ -126,6 +126,7 @@ class Check(Ask):
     """A question whose right answer is known."""
 
     is_: float | str = Field(alias="is", description="its right answer: a number, or a text")
+    why: str = Field("", description="what another answer means, and what to do: `its program runs; end it there`")
 
     @property
     def forms(self) -> tuple[str, ...]:

@@ -72,6 +72,9 @@ class Instrument(Strict):
     prepare: Tells = Field((), description="commands that prepare it; a source is not switched by them")
     check: tuple[Check, ...] = Field((), description="settings: asked after preparing, before and after every point")
     healthy: tuple[Check, ...] = Field((), description="what is so without a fault; asked likewise")
+    ready: tuple[Check, ...] = Field(
+        (), description="what is so while its setpoint is ours, such as no program: asked before every setting, too"
+    )
     mark: Mark | None = Field(None, description="how it is known that the power was off; left out: by check")
     local: Tells = Field((), description="commands at the end that give the panel back")
     reader: Reader | None = None
@@ -99,7 +102,7 @@ class Instrument(Strict):
         """The table of one instrument: its parameters, and what follows from them, as a bench file has them."""
         own = {name: type(default)(options.get(name, default)) for name, default in self.parameters.items()}
         found: dict[str, Any] = {"parameters": own}
-        found |= {"check": filled(self.check, own), "healthy": filled(self.healthy, own)}
+        found |= {key: filled(getattr(self, key), own) for key in ("check", "healthy", "ready")}
         if self.reader is not None and self.formulas:
             numbers = {key: computed(text, own) for key, text in self.formulas.items()}
             found["reader"] = self.reader.model_copy(update=numbers)
@@ -162,8 +165,8 @@ class Instrument(Strict):
             yield "identity", self.identity
         if self.wire.done is not None:
             yield "wire.done", self.wire.done
-        for name, several in (("check", self.check), ("healthy", self.healthy)):
-            yield from ((f"{name}[{n}]", one) for n, one in enumerate(several))
+        for name in ("check", "healthy", "ready"):
+            yield from ((f"{name}[{n}]", one) for n, one in enumerate(getattr(self, name)))
         if self.mark is not None:
             yield "mark.check", self.mark.check
         for part, keys in (
@@ -238,7 +241,7 @@ class Instrument(Strict):
 
     def _wrong(self) -> Iterator[str]:
         yield from wrong_choices(self.choices, {"baud": self.wire.baud, "frame": self.wire.frame, **self.parameters})
-        yield from wrong_answers((*self.check, *self.healthy), self.parameters)
+        yield from wrong_answers((*self.check, *self.healthy, *self.ready), self.parameters)
         yield from wrong_formulas(self.formulas, self.parameters, reads=self.reader is not None)
         if self.hook and not self.lines:
             yield "hook is for lines of text, which neither registers nor messages nor a bridge have"

@@ -156,16 +156,16 @@ class Declared:
         self._prepared = True
 
     def _verify(self, check: Check) -> None:
-        if said := self._talk.right(check, check.is_):
+        if said := self._talk.right(check):
             raise BadReply(f"{self._where}: {said}, after it was prepared")
 
     def wrong(self) -> Sequence[str]:
-        """Settings that are not as declared: the questions of `check`, unless its panel is locked, and `healthy`."""
-        kept = () if self._talk.remote else self._unlike(self.table.check)
-        return (*kept, *self._unlike(self.table.healthy))
+        """Settings that are not as declared: those of `check`, unless its panel is locked, `healthy`, `ready`."""
+        kept = () if self._talk.remote else self.table.check
+        return self._unlike((*kept, *self.table.healthy, *self.table.ready))
 
     def _unlike(self, checks: Sequence[Check]) -> tuple[str, ...]:
-        return tuple(said for check in checks if (said := self._talk.right(check, check.is_)))
+        return tuple(said for check in checks if (said := self._talk.right(check)))
 
     def compared(self) -> Sequence[Setting]:
         """All settings of its file as they are, by questions alone: `check`, `healthy`, and registers that are written.
@@ -182,7 +182,7 @@ class Declared:
                 found.append(self._setting(Check(**same, is_=command.value)))
             else:
                 found.append(Setting(command.said, why_not="no question of `check` asks for it"))
-        return (*found, *(self._setting(one, refusing=True) for one in self.table.healthy))
+        return (*found, *(self._setting(one, refusing=True) for one in (*self.table.healthy, *self.table.ready)))
 
     def _setting(self, check: Check, *, refusing: bool = False) -> Setting:
         declared = f"{check.is_:g}" if isinstance(check.is_, float) else check.is_

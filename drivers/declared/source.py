@@ -38,6 +38,15 @@ class DeclaredSource(Declared):
         keys = ("low", "high", "tolerance", "dwell_s", "safe_value")
         return {key: one for key in keys if (one := getattr(self._options, key, None)) is not None}
 
+    def prepare(self) -> None:
+        """Prepare it, and look whether its setpoint is ours (`ready`). Raises `NotReady` too."""
+        super().prepare()
+        self._require_ready()
+
+    def _require_ready(self) -> None:
+        if said := self._unlike(self.table.ready):
+            raise NotReady(f"{self._where}: {'; '.join(said)}")
+
     def unit(self) -> str:
         """Its unit as at the end of column names ("V", "kN", "degC"); a factor that it sets has the same unit."""
         return self._source.unit or ""
@@ -53,7 +62,7 @@ class DeclaredSource(Declared):
 
         Raises:
             LimitError: outside the limits, or not a number.
-            NotReady: it has been switched off since it was prepared.
+            NotReady: it has been switched off since it was prepared, or its setpoint is not ours (`ready`).
             InstrumentError: it refuses.
             BadReply: setpoint or output read back differently; the output has been switched off again.
         """
@@ -62,6 +71,7 @@ class DeclaredSource(Declared):
             raise LimitError(f"{self._where}: {value:g} {self.unit()} is outside {low:g} to {high:g}")
         if self._lost():  # its ranges and limits are those of power-on, not those of `prepare`
             raise NotReady(f"{self._where} has been switched off since it was prepared, and is not switched on")
+        self._require_ready()
         self._talk.forget_errors()
         self._near_since, self._set_at = None, self._clock.now()
         if self.table.can and self._told is None and self._source.on and self._state() == "on":  # by an earlier session

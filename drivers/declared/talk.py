@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import NamedTuple
 
-from rig.contracts.declared.exchanges import Ask, Tell
+from rig.contracts.declared.exchanges import Ask, Check, Tell
 from rig.contracts.declared.hooks import Function
 from rig.contracts.declared.instrument import Instrument
 from rig.drivers.clock import Clock
@@ -143,13 +143,15 @@ class Talk(ABC):
             raise self.bad(ask, found.printed, "a number")
         return found.value
 
-    def right(self, ask: Ask, wanted: float | str) -> str:
+    def right(self, check: Check) -> str:
         """A sentence if a question has another answer, also when asked again; otherwise ""."""
         for _ in range(2):
-            found = self.ask(ask)
-            if self.agree(found, wanted):
+            found = self.ask(check)
+            if self.agree(found, check.is_):
                 return ""
-        return f"{ask.said} answers {found.printed}, not {wanted}"
+        if check.why:
+            return f"{check.why} ({check.said} answers {found.printed})"
+        return f"{check.said} answers {found.printed}, not {check.is_}"
 
     @staticmethod
     def agree(found: Answer, wanted: float | str) -> bool:

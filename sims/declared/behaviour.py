@@ -164,7 +164,7 @@ class Behaviour:
         """Contents of the answer to a question, by its place in the file."""
         now, quantity = self.world.now(), self.quantity
         if isinstance(ask, Check):
-            right = self._marked if place == "mark.check" else self.prepared or place.startswith("healthy")
+            right = self._marked if place == "mark.check" else self.prepared or place.startswith(("healthy", "ready"))
             return self._checked(ask, right=right)
         match place:
             case "wire.done":
@@ -203,6 +203,8 @@ class Behaviour:
 
     def _checked(self, ask: Check, *, right: bool) -> Said:
         """The right answer of a question, or another one."""
+        if ask.asks_bit and isinstance(ask.is_, str):
+            return Said(nan, "on" if (ask.is_ == "on") == right else "off")
         if isinstance(ask.is_, str):
             other = next((meaning for meaning in ask.words.values() if meaning != ask.is_), "")
             said = ask.is_ if right else other

@@ -10,6 +10,7 @@ from declared_bench import DeclaredBench
 from rig.bench.plugins import declared
 from rig.contracts.declared.instrument import parse
 from rig.contracts.declared.replay import known, replayed
+from rig.drivers.errors import NotReady
 from rig.drivers.roles import Reader, Restartable, Source
 from rig.sims.declared.behaviour import Refused
 
@@ -112,3 +113,51 @@ def test_no_two_answer_alike():
         if a.identity.forms == b.identity.forms and a.maker == b.maker and set(a.model) & set(b.model):
             alike.append((one, other))
     assert alike == []
+
+
+RUNS = {"espec-scp220": ("MODE?", "RUN"), "thermotron-8800": ("MODE?", "1"), "eurotherm-3200": (23, 1.0)}
+"""The question by which a chamber tells that a program of its own runs, and that answer."""
+ALARM = {"espec-scp220": ("ALARM?", "2,1,18"), "thermotron-8800": ("ALRM1?", "32"), "eurotherm-3200": (75, 32.0)}
+
+
+def answering(it, question, answer):
+    """Have the twin answer a question, or show a register, so."""
+    if isinstance(question, str):
+        before = it.twin._carried_out
+        it.twin._carried_out = lambda line: (answer, 0.0) if line == question else before(line)
+    else:
+        shown = it.twin._shown
+        it.twin._shown = lambda place, ask: answer if ask.register_ == question else shown(place, ask)
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_a_chamber_whose_program_runs_is_not_set(name):
+    it = DeclaredBench(FILES[name], protocol=parse(FILES[name]).wire.protocol)
+    try:
+        it.it.prepare()
+        it.it.set(30.0)
+        before = it.twin._setpoint
+        answering(it, *RUNS[name])
+        (said,) = it.it.wrong()
+        assert "program runs" in said
+        for action in (lambda: it.it.set(40.0), it.it.prepare):
+            with pytest.raises(NotReady, match=r"program runs, .*; end it at its panel \("):
+                action()
+        assert it.twin._setpoint == before
+    finally:
+        it.close()
+
+
+@pytest.mark.parametrize("name", ALARM)
+def test_an_alarm_of_a_chamber_is_a_fault_in_words(name):
+    it = DeclaredBench(FILES[name], protocol=parse(FILES[name]).wire.protocol)
+    try:
+        it.it.prepare()
+        it.it.set(30.0)
+        assert it.it.read().faults == ()
+        answering(it, *ALARM[name])
+        assert it.it.read().faults
+        assert all("alarm" in said or "sensor is broken" in said for said in it.it.read().faults)
+        it.it.make_safe()
+    finally:
+        it.close()
