@@ -22,9 +22,9 @@ from rig.sims.inputs import Inputs
 from rig.sims.noise import event_at, normal
 from rig.sims.physics import Plant, WorldError
 from rig.sims.twin import Medium, Role
-from rig.sims.twins.watlow_registers import Access, Bank, Register, Scale, Value
 from rig.sims.wires.modbus_line import ModbusEndpoint
 from rig.sims.wires.modbus_slave import ILLEGAL_VALUE, Refused
+from rig.sims.wires.register_bank import Access, Bank, Register, Value
 from rig.sims.world import World
 
 _PV_NOISE_DEGC = 0.003
@@ -48,6 +48,29 @@ class _Described(dict[str, Any]):
 
     def __missing__(self, key: str) -> Any:
         raise WorldError(f"{self.where} has no {key}, without which the controller cannot be simulated")
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Temperatures in the unit of one of the controller's ports.
+
+    Attributes:
+        fahrenheit: whether that port is now set to degrees Fahrenheit.
+    """
+
+    fahrenheit: Callable[[], bool]
+
+    def per_kelvin(self) -> float:
+        """Degrees of this port per kelvin."""
+        return 1.8 if self.fahrenheit() else 1.0
+
+    def shown(self, degC: float) -> float:
+        """A temperature as a number on the wire."""
+        return degC * 1.8 + 32.0 if self.fahrenheit() else degC
+
+    def celsius(self, shown: float) -> float:
+        """A temperature from a number on the wire."""
+        return (shown - 32.0) / 1.8 if self.fahrenheit() else shown
 
 
 @dataclass
@@ -181,7 +204,8 @@ class WatlowF4TTwin:
         """All registers, with temperatures in the unit of one port."""
         fahrenheit = self._codes["units"]["F"]
         scale = Scale(lambda: self._settings[f"modbus_units_{port}"] == fahrenheit)
-        bank = Bank(f"Watlow {_PART_NUMBER}".encode())
+        # public clients read across the second address of a parameter of 16 bits [?]
+        bank = Bank(f"Watlow {_PART_NUMBER}".encode(), padded=True)
         loop = int(str(options.get("loop", 1)))
         of_loop = self._loop(scale) | self._clock() | self._switches()
         self._fill(bank, contract["registers"], loop, of_loop, scale, "")

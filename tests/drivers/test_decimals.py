@@ -8,6 +8,7 @@ from fake_lines import served
 
 from rig.contracts.declared.instrument import parse
 from rig.drivers.errors import BadReply
+from rig.sims.wires.register_bank import Register
 from rig.verbs.instrument.check import check
 from rig.verbs.instrument.new import asked, lacking
 
@@ -87,9 +88,9 @@ def test_a_register_may_have_a_code_for_decimals(code):
         it.it.set(25.0)
         assert it.it.read().setpoint == 25.0
         assert it.it.without_point()[0] == "register 2: 250 is taken for 25, by its decimals"
-        it.twin._places[9] = code
+        it.twin.registers.add(9, Register("uint16", False, lambda: code, None))
         assert it.it.read().setpoint == pytest.approx(250 / 10 ** (3 - code))
-        it.twin._places[9] = 4
+        it.twin.registers.add(9, Register("uint16", False, lambda: 4, None))
         with pytest.raises(BadReply, match="register 9 should be one of its places, 0, 1, 2, 3, and is 4"):
             it.it.read()
     finally:

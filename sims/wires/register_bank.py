@@ -1,51 +1,28 @@
-"""Registers of the simulated Watlow F4T: words at their addresses, and temperatures in the unit of a port."""
+"""Registers of a simulated Modbus device: numbers and texts of one or more words, at their addresses."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 from rig.sims.wires.modbus_slave import ILLEGAL_ADDRESS, Refused
 
-_STRUCT = {"uint16": ">H", "int32": ">i", "float32": ">f"}
+_STRUCT = {"int16": ">h", "uint16": ">H", "bit": ">H", "int32": ">i", "uint32": ">I", "float32": ">f"}
 
 Value = float | int | str
 Access = tuple[Callable[[], Value], Callable[[Any], None] | None]
 """Reading and writing of a register."""
 
 
-@dataclass(frozen=True)
-class Scale:
-    """Temperatures in the unit of one of the controller's ports.
-
-    Attributes:
-        fahrenheit: whether that port is now set to degrees Fahrenheit.
-    """
-
-    fahrenheit: Callable[[], bool]
-
-    def per_kelvin(self) -> float:
-        """Degrees of this port per kelvin."""
-        return 1.8 if self.fahrenheit() else 1.0
-
-    def shown(self, degC: float) -> float:
-        """A temperature as a number on the wire."""
-        return degC * 1.8 + 32.0 if self.fahrenheit() else degC
-
-    def celsius(self, shown: float) -> float:
-        """A temperature from a number on the wire."""
-        return (shown - 32.0) / 1.8 if self.fahrenheit() else shown
-
-
 class Register:
     """One parameter in one or more words.
 
     Args:
-        kind: its type, named as in the register map.
+        kind: "int16", "uint16", "bit", "int32", "uint32", "float32", or "text:N" with N characters.
         low_first: order of the words of a number.
-        get: its value now.
+        get: its value now; of a number that does not fit its type, the last of the type is read.
         put: sets it, None if it is read only; raises `Refused`.
 
     Attributes:
@@ -56,8 +33,7 @@ class Register:
     def __init__(self, kind: str, low_first: bool, get: Callable[[], Value], put: Callable[[Any], None] | None) -> None:
         self.number = kind in _STRUCT
         self._low_first = low_first
-        self._get = get
-        self._put = put
+        self._get, self._put, self._whole = get, put, kind != "float32"
         self._value = struct.Struct(_STRUCT.get(kind, ""))
         self.size = int(kind.partition(":")[2]) if kind.startswith("text:") else self._value.size // 2
         self._words = struct.Struct(f">{self.size}H")
@@ -67,7 +43,11 @@ class Register:
         value = self._get()
         if isinstance(value, str):
             return [ord(c) for c in value.ljust(self.size, "\0")]
-        words = list(self._words.unpack(self._value.pack(value)))
+        try:
+            data = self._value.pack(round(value) if self._whole else value)
+        except (struct.error, OverflowError):
+            data = b"\x7f" + b"\xff" * (self._value.size - 1) if self._whole else self._value.pack(inf)
+        words = list(self._words.unpack(data))
         return words[::-1] if self._low_first else words
 
     def set(self, words: Sequence[int]) -> None:
@@ -80,14 +60,16 @@ class Register:
 
 
 class Bank:
-    """Registers at their addresses, for one port of the controller.
+    """Registers at their addresses, of one table or one port; see `rig.sims.wires.modbus_slave.Registers`.
 
     Args:
         identity: the answer of function 17.
+        padded: whether a parameter of 16 bits has two addresses, of which the second reads 0.
     """
 
-    def __init__(self, identity: bytes) -> None:
+    def __init__(self, identity: bytes, *, padded: bool = False) -> None:
         self.identity = identity
+        self._padded = padded
         self._at: dict[int, tuple[Register, int]] = {}
 
     def add(self, address: int, register: Register) -> None:
@@ -96,10 +78,7 @@ class Bank:
             self._at[address + offset] = (register, offset)
 
     def read(self, address: int, count: int) -> list[int]:
-        """Words from `address` on; every word must belong to a register; numbers are read whole.
-
-        A parameter of 16 bits has two addresses: public clients read across the second, which is 0 here [?].
-        """
+        """Words from `address` on; every word must belong to a register; numbers are read whole."""
         register, offset = self._find(address)
         if register.size == count and not offset:  # nearly always
             return register.words()
@@ -114,7 +93,7 @@ class Bank:
             register, offset = self._find(at)
             if register.number and (offset or count - len(words) < register.size):
                 raise Refused(ILLEGAL_ADDRESS)
-            single = register.size == 1
+            single = self._padded and register.size == 1
             words += register.words()[offset:]
         return words[:count]
 
