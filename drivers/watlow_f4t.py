@@ -15,10 +15,10 @@ from pydantic import BaseModel, Field, ValidationError, ValidationInfo, field_va
 
 from rig.drivers.clock import Clock
 from rig.drivers.driver import ContractFile, Medium
-from rig.drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
+from rig.drivers.errors import BadReply, LimitError, NotReady, WrongInstrument
 from rig.drivers.roles import ChamberState, Identity
 from rig.drivers.watlow_map import map_of
-from rig.drivers.watlow_units import ILLEGAL_ADDRESS, MappedTemperatures, celsius
+from rig.drivers.watlow_units import MappedTemperatures, celsius
 from rig.drivers.wires import Wires
 
 _NO_ALARM = ("startup", "none", "blocked")  # blocked: not armed until its quantity has been in range once
@@ -145,12 +145,7 @@ class WatlowF4T(MappedTemperatures):
 
     def identify(self) -> Identity:
         """Ask for the identity. Raises `WrongInstrument` for another model, `NoReply` without an answer."""
-        try:
-            part = self._text("part_number")
-        except InstrumentError as error:
-            if error.code != ILLEGAL_ADDRESS:
-                raise
-            part = ""
+        part = self._if_there(lambda: self._text("part_number"), "")
         if not part.startswith(self._map.model):
             raise WrongInstrument(
                 f"{self._line.where} should be a {self._map.maker} {self._map.model}; its part number is {part!r}"
@@ -185,11 +180,11 @@ class WatlowF4T(MappedTemperatures):
             return
         ramp = self._options.ramp_degC_per_min
         if ramp is None:
-            self._set_code("ramp_action", "off")
+            self._set("ramp_action", "off")
             return
-        self._set_code("ramp_scale", "minutes")
-        self._set_number("ramp_rate", ramp * 1.8 if fahrenheit else ramp)
-        self._set_code("ramp_action", "setpoint")
+        self._set("ramp_scale", "minutes")
+        self._set("ramp_rate", ramp * 1.8 if fahrenheit else ramp)
+        self._set("ramp_action", "setpoint")
 
     def wrong(self) -> Sequence[str]:
         """Settings that are not as declared: the unit of its temperatures, what this driver set, and what else may set
@@ -227,7 +222,7 @@ class WatlowF4T(MappedTemperatures):
         self._set_setpoint(degC, fahrenheit)
         # After the setpoint: a loop that was off must not start towards the setpoint of somebody else.
         if self._code("mode") != "auto":
-            self._set_code("mode", "auto")
+            self._set("mode", "auto")
         self._kept["mode"] = "auto"
         if self._power and not self._powered():
             self._switch_on()
@@ -282,7 +277,7 @@ class WatlowF4T(MappedTemperatures):
     def _end_manual(self) -> None:
         """Switch the loop to control: manual power would stay on at any temperature."""
         if self._code("mode") not in ("auto", "off"):
-            self._set_code("mode", "auto")
+            self._set("mode", "auto")
 
     def _air_control(self) -> str:
         """Defect of a cascade that controls the air's temperature instead of the part's; "" if none."""
@@ -294,12 +289,7 @@ class WatlowF4T(MappedTemperatures):
         """Defect of a controller with a profile under way, which sets the setpoint; () if none, or if it has none."""
         if "profile_state" not in self._map.registers:
             return ()
-        try:
-            state = self._code("profile_state")
-        except InstrumentError as error:
-            if error.code != ILLEGAL_ADDRESS:
-                raise
-            return ()
+        state = self._if_there(lambda: self._code("profile_state"), "")
         return (f"its profile is {state}, and sets the setpoint; end it at its panel",) if state in _PROFILES else ()
 
     def _require_cascade(self) -> None:
@@ -347,10 +337,10 @@ class WatlowF4T(MappedTemperatures):
 
     def _switch_on(self) -> None:
         if self._power.startswith("event"):
-            self._set_code(self._power, "on")
+            self._set(self._power, "on")
             return
         press = self._power.replace("key", "key_press")
-        self._line.write(self._address(press), [self._map.codes[self._entries[press].codes]["down"]])
+        self._line.write(self._address(press), [self._code_of(press, "down")])
         if not self._powered():
             raise BadReply(
                 f"{self._line.where}: {self._options.power} was pressed and reads off; a key that does not stay on "

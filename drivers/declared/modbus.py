@@ -14,6 +14,7 @@ from rig.drivers.clock import Clock
 from rig.drivers.declared.talk import NOTHING, Answer, Holes, Talk
 from rig.drivers.errors import BadReply, InstrumentError, LimitError
 from rig.drivers.wires import Wires
+from rig.drivers.wires.modbus import float_in_order
 
 _FORMATS = {"int16": ">h", "uint16": ">H", "int32": ">i", "uint32": ">I", "float32": ">f"}
 
@@ -22,7 +23,7 @@ _FORMATS = {"int16": ">h", "uint16": ">H", "int32": ">i", "uint32": ">I", "float
 class _Place:
     """Where a number is, and how it is read; the last one and its meaning: settings are read alike."""
 
-    of: Register
+    of: Ask
     number: int
     count: int
     words: Struct
@@ -70,7 +71,7 @@ class ModbusTalk(Talk):
         except ValueError as error:
             raise BadReply(f"{self.where}: register {error}") from None
 
-    def _place(self, one: Register) -> _Place:
+    def _place(self, one: Ask) -> _Place:
         """A number's place, which is made at its first use."""
         value, bit = Struct(self._format(one)), one.table in ("coil", "discrete")
         count = 1 if bit else value.size // 2
@@ -85,6 +86,9 @@ class ModbusTalk(Talk):
         words = self.line.read(place.number, place.count, place.of.table)
         if place.direct:
             return float(words[0])
+        if place.value.format == ">f":
+            what = f"{self.where}, asked {place.of.said!r},"
+            return float_in_order(words, what, "word_order in its file", low_first=not self._big)
         return float(place.value.unpack(place.words.pack(*(words if self._big else reversed(words))))[0])
 
     def once(self, ask: Ask, holes: Holes = NOTHING, timeout_s: float | None = None, *, repeat: bool = True) -> Answer:

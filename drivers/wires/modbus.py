@@ -200,6 +200,28 @@ def in_other_order(words: Sequence[int], *, low_first: bool = True) -> float | N
     return other if odd and _LIKELY[0] <= abs(other) <= _LIKELY[1] else None
 
 
+def float_in_order(words: Sequence[int], what: str, setting: str, *, low_first: bool = True) -> float:
+    """The number in two words.
+
+    Args:
+        words: the words as read.
+        what: device and register, for messages.
+        setting: what has to be changed if the order is wrong.
+        low_first: whether the low word comes first.
+
+    Raises:
+        BadReply: only the other word order makes sense.
+    """
+    value, other = float_of_words(words, low_first=low_first), in_other_order(words, low_first=low_first)
+    if other is None:
+        return value
+    raise BadReply(
+        f"{what} reads {value:.3g}, and {other:.6g} with its two words in the other order; the word order of the "
+        f"controller or gateway may be swapped: set it to {'low' if low_first else 'high'} word first, or change "
+        f"{setting}; nothing was set"
+    )
+
+
 class ModbusWires:
     """Opens every Modbus wire once.
 

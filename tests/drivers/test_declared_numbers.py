@@ -7,6 +7,7 @@ from declared_bench import DeclaredBench
 
 from rig.contracts.declared.forms import Form, step_of
 from rig.contracts.declared.instrument import parse
+from rig.drivers.errors import BadReply
 from rig.drivers.roles import OVERLOAD
 
 CONTROLLER = """
@@ -56,6 +57,19 @@ def test_an_infinite_number_is_an_overload_and_a_coil_is_read_back_as_a_discrete
     it.it.start(1)
     assert list(it.it.fetch().values()) == [[OVERLOAD]]
     assert it.it.wrong() == ()
+
+
+def test_a_file_with_the_wrong_order_of_words_is_told() -> None:
+    """A reading of 200 degC was taken for 2e-41."""
+    it = DeclaredBench(CONTROLLER.replace("TYPE", "float32").replace("WORD", "NaN"), protocol="modbus")
+    it.it.identify()
+    it.it.prepare()
+    it.twin._measured = lambda name, t0: 200.0
+    read = it.twin.registers.read
+    it.twin.registers.read = lambda address, count: read(address, count)[::-1]
+    it.it.start(1)
+    with pytest.raises(BadReply, match=r"register 1', reads 2.*, and 200 with its two words .* word_order in"):
+        it.it.fetch()
 
 
 def test_a_number_may_have_a_comma() -> None:
