@@ -13,7 +13,6 @@ from importlib.resources import files
 
 from benchmarks import by_hand
 from rig.bench.plugins import driver_class
-from rig.drivers.keysight_34970a import Keysight34970A
 from rig.drivers.newport_esp301 import NewportESP301
 from rig.drivers.watlow_f4t import WatlowF4T
 from rig.drivers.wires import Wires
@@ -24,7 +23,7 @@ from rig.sims.twins.newport_esp301 import NewportESP301Twin
 from rig.sims.twins.watlow_f4t import WatlowF4TTwin
 from rig.sims.world import World
 
-Keysight34401A = driver_class("keysight-34401a")
+Keysight34401A, Keysight34970A = driver_class("keysight-34401a"), driver_class("keysight-34970a")
 
 REGISTERS = files("rig.contracts").joinpath("watlow_f4t.toml").read_text(encoding="utf-8")
 CHANNELS = {"101": "volts", "102": "volts", "103": "volts", "104": "thermistor-10k"}

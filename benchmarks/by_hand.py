@@ -5,6 +5,7 @@ Each action is made in turns, and medians are compared. An exchange is driver, w
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
@@ -14,12 +15,14 @@ from typing import Any
 from rig.bench.plugins import driver_class
 from rig.drivers.clock import Clock
 from rig.drivers.declared import driver_of
-from rig.drivers.scpi import SYNC, ScpiMeter, hp_dialect, settling_s
+from rig.drivers.scpi import SYNC, Dialect, ScpiMeter
 from rig.drivers.watlow_f4t import WatlowF4T
 from rig.drivers.wires import SerialSettings, Wires
 from rig.sims.bench import SimBench
 from rig.sims.world import World
 from rig.simulated.dry_run import twin_class
+
+_DIALECT = Dialect("SYST:REM", "\x03", clear_with_dtr=True, reading=re.compile(r"[+-]\d\.\d{8}E[+-]\d\d", re.ASCII))
 
 
 class Meter(ScpiMeter):
@@ -29,13 +32,13 @@ class Meter(ScpiMeter):
 
     def __init__(self, address: str, wires: Wires, clock: Clock) -> None:
         line = wires.serial(address, SerialSettings(9600, "7E2", "none", timeout_s=2.0, sync=SYNC), "dvm")
-        super().__init__(line, clock, "34401A", hp_dialect("rs232", clear_with_dtr=True))
+        super().__init__(line, clock, "34401A", _DIALECT)
 
     def channels(self) -> Sequence[str]:
         return ("input",)
 
     def sweep_s(self) -> float:
-        return settling_s(10.0) + 2 * 10.0 / 50.0
+        return 0.0015 + 2 * 10.0 / 50.0
 
     def prepare(self) -> None:
         self._configure(("CONF:VOLT:DC 10", "VOLT:DC:NPLC 10", "ZERO:AUTO ON", "TRIG:SOUR IMM", "SAMP:COUN 1"))

@@ -49,15 +49,6 @@ def one_of(*allowed: str | float) -> Callable[[Any], Any]:
     return check
 
 
-FREQUENCIES = (50.0, 60.0)
-"""Power line frequencies of integration times, Hz."""
-
-
-def settling_s(nplc: float) -> float:
-    """The automatic delay before a DC volts reading, seconds (34401A user's guide, chapter 3)."""
-    return 0.0015 if nplc >= 1 else 0.001
-
-
 @dataclass(frozen=True)
 class Dialect:
     """Differences between SCPI meters. The defaults are those of SCPI-1999 without commands of one maker.
@@ -83,20 +74,6 @@ Interface = Literal["rs232", "gpib"]
 """Interface of the instrument itself, whatever carries the text to it."""
 
 INTERFACE = "rs232, also behind a serial server, or gpib"
-
-
-def hp_dialect(interface: Interface, *, clear_with_dtr: bool = False) -> Dialect:
-    """Dialect of the 34401A and the 34970A (user's guides).
-
-    SYSTem:REMote exists only over RS-232, where they refuse to measure without it; over GPIB it is error 514.
-    """
-    serial = interface == "rs232"
-    return Dialect(
-        remote="SYST:REM" if serial else "",
-        clear="\x03",
-        clear_with_dtr=serial and clear_with_dtr,
-        reading=re.compile(r"[+-]\d\.\d{8}E[+-]\d\d", re.ASCII),
-    )
 
 
 class ScpiMeter(ABC):

@@ -26,6 +26,7 @@ from rig.contracts.declared.forms import Form
 from rig.contracts.declared.hooks import Function, hooks
 from rig.contracts.declared.options import computed, filled, wrong_answers, wrong_choices, wrong_formulas
 from rig.contracts.declared.roles import Mark, Reader, Source, Unit
+from rig.contracts.declared.scan import Scan
 from rig.contracts.declared.wire import Errors, Identity, Wire
 
 Tried = Literal["twin only", "foreign client", "foreign simulator", "on hardware"]
@@ -64,6 +65,9 @@ class Instrument(Strict):
     formulas: dict[str, str] = Field(
         {}, description="numbers of the reader that follow from parameters: `2 * nplc / line_Hz + 0.001 * (nplc < 1)`"
     )
+    asked: dict[str, Ask] = Field(
+        {}, description="parameters that it is asked for after preparing, and formulas then follow: its line frequency"
+    )
     wire: Wire = Wire()
     identity: Identity | None = Field(None, description="who it is")
     words: dict[str, str] = Field({}, description="words of all answers; see Ask")
@@ -79,6 +83,7 @@ class Instrument(Strict):
     local: Tells = Field((), description="commands at the end that give the panel back")
     reader: Reader | None = None
     source: Source | None = None
+    scan: Scan | None = None
     examples: tuple[tuple[str, str], ...] = Field(
         (), description="questions and answers as printed in the manual, or recorded; tests replay them"
     )
@@ -103,10 +108,17 @@ class Instrument(Strict):
         own = {name: type(default)(options.get(name, default)) for name, default in self.parameters.items()}
         found: dict[str, Any] = {"parameters": own}
         found |= {key: filled(getattr(self, key), own) for key in ("check", "healthy", "ready")}
-        if self.reader is not None and self.formulas:
-            numbers = {key: computed(text, own) for key, text in self.formulas.items()}
+        if self.reader is not None:
+            numbers = self.computed(own)
+            if self.scan is not None:
+                tells, checks, numbers["channels"] = self.scan.chosen(options, own)
+                found |= {"prepare": (*self.prepare, *tells), "check": (*found["check"], *checks)}
             found["reader"] = self.reader.model_copy(update=numbers)
-        return self.model_copy(update=found) if own else self
+        return self.model_copy(update=found)
+
+    def computed(self, parameters: Mapping[str, str | float]) -> dict[str, Any]:
+        """Numbers of the reader that follow from parameters, by its key."""
+        return {key: computed(text, parameters) for key, text in self.formulas.items()}
 
     @property
     def any_model(self) -> bool:
@@ -165,6 +177,7 @@ class Instrument(Strict):
             yield "identity", self.identity
         if self.wire.done is not None:
             yield "wire.done", self.wire.done
+        yield from ((f"asked.{name}", one) for name, one in self.asked.items())
         for name in ("check", "healthy", "ready"):
             yield from ((f"{name}[{n}]", one) for n, one in enumerate(getattr(self, name)))
         if self.mark is not None:
@@ -242,6 +255,11 @@ class Instrument(Strict):
     def _wrong(self) -> Iterator[str]:
         yield from wrong_choices(self.choices, {"baud": self.wire.baud, "frame": self.wire.frame, **self.parameters})
         yield from wrong_answers((*self.check, *self.healthy, *self.ready), self.parameters)
+        yield from (f"asked.{name}: there is no parameter {name}" for name in self.asked if name not in self.parameters)
+        if self.scan is not None:
+            yield from self.scan.wrong(self.parameters)
+            if self.reader is None or self.reader.fetch is None:
+                yield "scan needs [reader] with start and fetch"
         yield from wrong_formulas(self.formulas, self.parameters, reads=self.reader is not None)
         if self.hook and not self.lines:
             yield "hook is for lines of text, which neither registers nor messages nor a bridge have"

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, Field, create_model
 
 from rig.contracts.declared.instrument import Instrument, parse
+from rig.contracts.declared.scan import Scan
 from rig.drivers.declared.base import Declared, Remembering
-from rig.drivers.declared.reader import DeclaredReader, OneByOneReader
+from rig.drivers.declared.reader import DeclaredReader, OneByOneReader, ScanningReader
 from rig.drivers.declared.source import DeclaredSource
 from rig.drivers.scpi import INTERFACE, Interface, one_of
 from rig.drivers.wires import SerialOptions
@@ -42,14 +44,16 @@ def options_of(table: Instrument) -> type[Any]:
         fields["flow"] = (Flow, Field(wire.flow, description="flow control: none, rtscts, xonxoff or dsrdtr"))
     if table.wire.remote:
         fields["interface"] = (Interface, Field("rs232", description=INTERFACE))
-    for name, default in table.parameters.items():
+    for name, default in ((name, one) for name, one in table.parameters.items() if name not in table.asked):
         fields[name] = (type(default), Field(default, description="parameter of its file"))
-    for name, allowed in table.choices.items():
+    for name in table.choices.keys() & fields.keys():
         kind, described = fields[name]
-        fields[name] = (Annotated[kind, AfterValidator(one_of(*allowed))], described)
+        fields[name] = (Annotated[kind, AfterValidator(one_of(*table.choices[name]))], described)
     if table.reader is not None and table.reader.channels:
         known = tuple(table.reader.channels)
         fields["channels"] = (tuple[str, ...], Field(known, description=f"channels that are read: {', '.join(known)}"))
+    if table.scan is not None:
+        fields |= _of_scan(table.scan, fields)
     if table.source is not None:
         source = table.source
         for name in ("low", "high", "safe_value"):
@@ -62,6 +66,21 @@ def options_of(table: Instrument) -> type[Any]:
     base: Any = _Options if table.lines else _Plain
     made: type[Any] = create_model("Options", __base__=base, **fields)
     return made
+
+
+def _of_scan(scan: Scan, parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of channels that the bench file chooses; those with a value of their own take that of a parameter."""
+
+    def of(kind: Any, check: Any, **more: Any) -> Any:
+        return Annotated[dict[str, kind], AfterValidator(check)], Field(**more)
+
+    sort = Annotated[str, AfterValidator(one_of(*scan.sorts))]
+    said = f"channel ({', '.join(scan.cards)}) to what is connected: {', '.join(scan.sorts)}"
+    found = {"channels": of(sort, scan.checked, min_length=1, description=said)}
+    own = scan.own().items()
+    return found | {
+        o: of(parameters[n][0], scan.able, default={}, description=f"{n} of single channels") for o, n in own
+    }
 
 
 @cache
@@ -78,7 +97,7 @@ def driver_of(text: str, *, own: bool = True) -> type[Declared]:
         several = len(table.reader.channels) > 1 and (
             table.reader.select or "{channel}" in asked or any(one.reading for one in table.reader.channels.values())
         )
-        bases.append(OneByOneReader if several else DeclaredReader)
+        bases.append(OneByOneReader if several else ScanningReader if table.scan is not None else DeclaredReader)
     bases += [DeclaredSource] if table.source is not None else []
     words = "".join(c if c.isalnum() else "_" for c in f"{table.maker}_{table.model[0]}")
     constant = table.source.time_constant_s if table.source is not None else None

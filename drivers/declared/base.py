@@ -149,11 +149,15 @@ class Declared:
             self._talk.raise_errors()
         for check in self.table.check:
             self._verify(check)
+        self._ask_parameters()
         if self.table.mark is not None:
             for command in self.table.mark.tell:
                 self._talk.tell(command, checked=each)
             self._verify(self.table.mark.check)
         self._prepared = True
+
+    def _ask_parameters(self) -> None:
+        """Ask for the parameters that it has itself."""
 
     def _verify(self, check: Check) -> None:
         if said := self._talk.right(check):

@@ -26,8 +26,8 @@ class DeclaredReader(Declared):
         assert self.table.reader is not None
         self._reader: Reader = self.table.reader
         every = self._reader.channels or {INPUT: Channel()}
-        wanted = getattr(self._options, "channels", None) or tuple(every)
-        self._channels = {name: every[name] for name in wanted}
+        chosen = None if self.table.scan is not None else getattr(self._options, "channels", None)
+        self._channels = {name: every[name] for name in chosen or every}
         self._count = self._mark = 0
         self._due = 0.0
         self._forms = {name: PrintedForm() for name in self._channels}
@@ -39,6 +39,15 @@ class DeclaredReader(Declared):
         own = any(one.reading is not None for one in self._channels.values())
         # whether each channel has a question of its own
         self._one_by_one = bool(self._reader.select) or own or "{channel}" in (asked or "")
+
+    def _ask_parameters(self) -> None:
+        found: dict[str, str | float] = dict(self.table.parameters)
+        for name, ask in self.table.asked.items():
+            found[name] = self._talk.number(ask)
+            allowed = self.table.choices.get(name, (found[name],))
+            if found[name] not in allowed:
+                raise self._talk.bad(ask, f"{found[name]:g}", f"{name}: {' or '.join(f'{one:g}' for one in allowed)}")
+        self._reader = self._reader.model_copy(update=self.table.computed(found))
 
     def channels(self) -> Sequence[str]:
         """Channel labels in scan order; a single-input meter has one channel, "input"."""
@@ -62,7 +71,7 @@ class DeclaredReader(Declared):
     def _sweep_s(self) -> float:
         """Duration of one sweep over all channels, seconds."""
         each = self._reader.reading_s * (1 + self._reader.discard) + self._reader.settle_s
-        return each * (len(self._channels) if self._one_by_one else 1)
+        return each * (len(self._channels) if self._one_by_one or self.table.scan is not None else 1)
 
     def start(self, count: int) -> float:
         """Trigger `count` sweeps over all channels; returns the seconds they are expected to take.
@@ -72,8 +81,9 @@ class DeclaredReader(Declared):
             InstrumentError: it refuses.
         """
         reader = self._reader
-        if not 1 <= count <= reader.most:
-            raise LimitError(f"{self._where} can take 1 to {reader.most} readings at once, not {count}")
+        most, what = (reader.most // len(self._channels), "sweeps") if self.table.scan else (reader.most, "readings")
+        if not 1 <= count <= most:
+            raise LimitError(f"{self._where} can take 1 to {most} {what} at once, not {count}")
         if reader.start:
             self._number()
             for command in reader.start:
@@ -272,12 +282,16 @@ class DeclaredReader(Declared):
             self._talk.forget_errors()
 
 
-class OneByOneReader(DeclaredReader):
+class ScanningReader(DeclaredReader):
     """One that reads its channels one after another (`rig.drivers.roles.OneAfterAnother`)."""
 
     def sweep_s(self) -> float:
         """Duration of one sweep over all channels, seconds."""
         return self._sweep_s()
+
+
+class OneByOneReader(ScanningReader):
+    """One whose channels are chosen one after another."""
 
     def twice_each(self, rounds: int, most: int) -> list[tuple[float, float]]:
         """Two readings of each channel whenever it has been chosen, for so many channels at most, one after another."""

@@ -158,6 +158,8 @@ class Talk(ABC):
         """Whether an answer is a number or a text, or means it."""
         if isinstance(wanted, str):
             return wanted in (found.printed, found.meaning or None)
+        if "values" in found.fields:  # of several channels
+            return all(agrees(one.strip(), wanted) for one in found.printed.split(","))
         return found.value == wanted or agrees(found.printed, wanted) or agrees(f"{found.value!r}", wanted)
 
     def meant(self, ask: Ask, printed: str, number: float | None, holes: Holes = NOTHING) -> str:

@@ -69,7 +69,6 @@ class _Kind:
 
 _HEAD = "newport-esp301"
 _PYTHON = (
-    _Kind("keysight-34970a", "serial", {"channels": {"101": "volts", "102": "volts"}}, None, {"101": "V", "102": "V"}),
     _Kind("can-daq", "can", {}, None, {"spare_voltage": "V"}, span=0.5),
     _Kind("druck-pace", "serial", {"high_psia": 6.0}, ("psia", 1.0, 5.0, 0.002), {}),
     _Kind(_HEAD, "serial", {}, ("deg", -40.0, 40.0, 0.002), {}),
@@ -92,7 +91,9 @@ def kinds() -> tuple[_Kind, ...]:
 
 def _of_file(driver: str, text: str) -> _Kind:
     table = parse(text)
-    reader, source, options, sets = table.reader, table.source, {}, None
+    scanned: dict[str, Any] = {"channels": table.scan.first(2)} if table.scan is not None else {}
+    table = table.chosen(scanned)
+    reader, source, options, sets = table.reader, table.source, scanned, None
     if source is not None and source.unit is not None:
         assert source.low is not None
         assert source.high is not None
@@ -145,7 +146,7 @@ def drawn(rng: random.Random) -> tuple[AnyLaboratory, dict[str, str]]:
         name = f"reader_{next(numbers)}"
         channels = rng.sample(sorted(kind.reads), rng.choice((1, len(kind.reads))))
         instruments[name] = _instrument(kind, name, rng)
-        if len(kind.reads) > 1 and kind not in _PYTHON:
+        if len(kind.reads) > 1 and kind not in _PYTHON and "channels" not in kind.options:
             instruments[name]["channels"] = sorted(channels)
         for channel in channels:
             unit, sensor = kind.reads[channel], f"s{len(sensors) + 1}"

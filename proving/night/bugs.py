@@ -12,7 +12,7 @@ from typing import Any
 from unittest.mock import patch
 
 from rig.bench.scatter_limits import most_scatter
-from rig.drivers.scpi import ScpiMeter
+from rig.drivers.declared.reader import DeclaredReader
 from rig.drivers.wires import SerialLine
 from rig.engine import at_point, sequencer
 from rig.engine.by_hand.to_set import SetByHand
@@ -36,13 +36,13 @@ def _all(*patches: AbstractContextManager[Any]) -> Iterator[None]:
 def _accept_late_reply() -> AbstractContextManager[Any]:
     """A line that does not listen before it speaks, and meters whose measurements bear no mark."""
 
-    def unmarked(self: Any) -> dict[str, list[float]]:
-        names, (count, self._count) = self.channels(), (self._count, 0)
+    def unmarked(self: Any, count: int) -> dict[str, list[tuple[str, float]]]:
+        names, line = self.channels(), self._talk.line
         self._clock.sleep(self._due - self._clock.now())
-        answer = self._line.query("FETC?", 2.0 + count * len(names) * 16 * 11 / self._line.settings.baud, repeat=False)
-        values = [float(word) for word in answer.split(",")]
+        answer = line.query("FETC?", 2.0 + count * len(names) * 16 * 11 / line.settings.baud, repeat=False)
+        values = [("", float(word)) for word in answer.split(",")]
         if len(values) != count * len(names):
-            raise self._line.bad_reply("FETC?", answer, "numbers")
+            raise line.bad_reply("FETC?", answer, "numbers")
         return {name: values[i :: len(names)] for i, name in enumerate(names)}
 
     def deaf(self: Any, *_: object) -> None:
@@ -51,7 +51,7 @@ def _accept_late_reply() -> AbstractContextManager[Any]:
     return _all(
         patch.object(SerialLine, "drain", deaf),
         patch.object(SerialLine, "_synchronise", deaf),
-        patch.object(ScpiMeter, "fetch", unmarked),
+        patch.object(DeclaredReader, "_block", unmarked),
     )
 
 
@@ -99,7 +99,7 @@ def _vent_on_resume() -> AbstractContextManager[Any]:
 
 def _stale_reading() -> AbstractContextManager[Any]:
     """A meter hands out the readings of the point before."""
-    fetch, before = ScpiMeter.fetch, dict[int, Any]()
+    fetch, before = DeclaredReader.fetch, dict[int, Any]()
 
     def late(self: Any) -> Any:
         fresh = fetch(self)
@@ -107,7 +107,7 @@ def _stale_reading() -> AbstractContextManager[Any]:
         before[id(self)] = fresh
         return stale if {c: len(v) for c, v in stale.items()} == {c: len(v) for c, v in fresh.items()} else fresh
 
-    return patch.object(ScpiMeter, "fetch", late)
+    return patch.object(DeclaredReader, "fetch", late)
 
 
 def _whole_plot_goes_on() -> AbstractContextManager[Any]:

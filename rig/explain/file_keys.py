@@ -15,9 +15,10 @@ from pydantic.fields import FieldInfo
 
 from rig.bench.config import BenchConfig
 from rig.bench.plugins import driver_class, drivers
-from rig.contracts.declared.exchanges import Ask, Tell
+from rig.contracts.declared.exchanges import Check, Tell
 from rig.contracts.declared.instrument import Instrument
 from rig.contracts.declared.roles import Channel, Mark, Reader, Source
+from rig.contracts.declared.scan import Group, Scan, Sort
 from rig.contracts.declared.sums import Checksum
 from rig.contracts.declared.wire import Errors, Wire
 from rig.lab import People
@@ -80,7 +81,10 @@ _OF_INSTRUMENTS: Mapping[str, type[BaseModel]] = {
     "`[reader]`": Reader,
     "`[reader.channels.NAME]`": Channel,
     "`[source]`": Source,
-    "A question": Ask,
+    "`[scan]`": Scan,
+    "`[scan.sorts.NAME]`": Sort,
+    "`[[scan.groups]]`": Group,
+    "A question; `is` and `why` are for settings": Check,
     "A command": Tell,
 }
 

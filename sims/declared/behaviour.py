@@ -67,7 +67,8 @@ class Behaviour:
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str) -> None:
         self.name, self.world, self.plant, self.options, self.serial = name, world, plant, options, serial
-        self.table = self.table.chosen(options)  # type: ignore[misc]  # of one instance
+        if "table" not in vars(self):
+            self.table = self.table.chosen(options)  # type: ignore[misc]  # of one instance
         self.inputs = Inputs(OVERLOAD, told_open=not (self.table.reader and str(self.table.reader.unit).endswith("V")))
         self.quantity: Any = plant.source(name) if self.table.source is not None else None
         if self.quantity is not None:
@@ -169,6 +170,8 @@ class Behaviour:
         match place:
             case "wire.done":
                 return Said()
+            case _ if place.startswith("asked."):
+                return Said(float(self.table.parameters[place[6:]]))
             case "identity":
                 said = getattr(ask, "is_", None)
                 value = said if isinstance(said, float) else nan
@@ -214,7 +217,7 @@ class Behaviour:
                 nan, said if known else "", {} if known else {"value": printed, "state": printed, "text": printed}
             )
         value = ask.quantity(ask.is_) if right else ask.quantity(ask.is_ + 1)
-        return Said(value)
+        return Said(value, fields={"values": [value]})  # type: ignore[dict-item]  # a list is printed with commas
 
     def _not_on(self, ask: Ask) -> str:
         known = {**self.table.words, **ask.words}.values()
@@ -236,7 +239,7 @@ class Behaviour:
         if self._began < 0:
             raise Refused
         names = list(self._channels())
-        each = reader.reading_s * (len(names) if "{channel}" in str(reader.reading) else 1)
+        each = reader.reading_s * (len(names) if self.table.scan or "{channel}" in str(reader.reading) else 1)
         left = self._began + self._count * each - self.world.now()
         if left <= 0 and not self._taken:
             self._taken = [self._measured(name, self._began + n * each) for n in range(self._count) for name in names]

@@ -76,12 +76,13 @@ def test_meters_take_no_such_numbers_either(monkeypatch):
     with pytest.raises(BadReply, match=r"an answer as in '\{value\}'"):
         dvm.restarted()
     scanner = test_keysight_34970a.Rig(channels={"101": "volts"}).dvm
-    monkeypatch.setattr(scanner._line, "query", lambda *a, **k: "5_2")
-    with pytest.raises(BadReply, match="a number"):
+    monkeypatch.setattr(scanner._talk.line, "query_lines", lambda *a, **k: ["5_2"])
+    with pytest.raises(BadReply, match=r"an answer as in '\{value\}'"):
         scanner.restarted()
-    monkeypatch.setattr(scanner._line, "query", lambda *a, **k: "1_0")
-    with pytest.raises(BadReply, match=r"should answer 10.0 and answers '1_0'"):
-        scanner._verify({"VOLT:DC:RANG?": 10.0})
-    monkeypatch.setattr(scanner._line, "query", lambda *a, **k: "5_0")
-    with pytest.raises(BadReply, match="50 or 60 Hz, not '5_0'"):
-        scanner._asked_frequency()
+    monkeypatch.setattr(scanner._talk.line, "query_lines", lambda *a, **k: ["1_0"])
+    with pytest.raises(BadReply, match=r"answered '1_0' to 'VOLT:DC:RANG\? .* an answer as in '\{values\}'"):
+        scanner._verify(scanner.table.check[0])
+    for answer in ("5_0", "+55"):
+        monkeypatch.setattr(scanner._talk.line, "query_lines", lambda *a, said=answer, **k: [said])
+        with pytest.raises(BadReply, match=r"to 'SYST:LFR\?'; expected "):
+            scanner._ask_parameters()

@@ -9,7 +9,7 @@ import pytest
 from serial_bench import FakePlant, plug_in, wires
 
 from rig.drivers.errors import BadReply
-from rig.drivers.scpi import SYNC, Dialect, ScpiMeter, hp_dialect
+from rig.drivers.scpi import SYNC, Dialect, ScpiMeter
 from rig.drivers.wires import SerialSettings
 from rig.sims.twins.keysight_34401a import Keysight34401ATwin
 from rig.sims.twins.scpi_syntax import Command, compiled
@@ -75,7 +75,7 @@ def test_nothing_of_another_makers_habits_is_assumed():
 
 
 def test_another_makers_habits_would_leave_it_measuring_and_with_errors():
-    _, twin, _, meter = bench(hp_dialect("rs232"))
+    _, twin, _, meter = bench(Dialect(remote="SYST:REM", clear="\x03"))
     meter.identify()
     assert meter._line.query("SYST:ERR?").startswith("-113")
     meter.prepare()

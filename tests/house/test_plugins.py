@@ -14,7 +14,7 @@ from rig.procedures import kinds as kinds_module
 from rig.procedures.errors import BrokenKind
 from rig.procedures.kinds import kinds
 
-OURS = "rig.drivers.keysight_34970a:Keysight34970A"
+OURS = "rig.drivers.newport_esp301:NewportESP301"
 
 
 def point(value: str, package: str) -> EntryPoint:
@@ -40,7 +40,7 @@ def test_a_driver_that_cannot_be_used_is_named_with_its_package(monkeypatch, val
 def test_a_package_that_is_found_twice_is_one_package(monkeypatch):
     """As in a source tree that is installed from itself."""
     monkeypatch.setattr(plugins, "entry_points", lambda _: [point(OURS, "ours"), point(OURS, "ours")])
-    assert plugins.load("rig.drivers", "meter", ()).__name__ == "Keysight34970A"
+    assert plugins.load("rig.drivers", "meter", ()).__name__ == "NewportESP301"
 
 
 ATTITUDE = "rig.procedures.attitude.kind:KIND"

@@ -11,10 +11,10 @@ import pytest
 from rig.bench.plugins import driver_class
 from rig.drivers.clock import RealClock, ScaledClock
 from rig.drivers.errors import Unreachable
-from rig.drivers.keysight_34970a import Keysight34970A
 from rig.drivers.wires import Wires
 
 Keysight34401A = driver_class("keysight-34401a")
+Keysight34970A = driver_class("keysight-34970a")
 
 BENCH = """
 name = "served"

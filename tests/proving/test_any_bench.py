@@ -20,7 +20,7 @@ def test_every_instrument_with_a_file_and_every_protocol_is_drawn():
         _, documents = any_bench.drawn(random.Random(seed))
         seen |= {one["driver"] for one in tomllib.loads(documents["bench.toml"])["instruments"].values()}
     known = {**declared(), **any_bench.texts()}
-    assert seen - set(known) == {"keysight-34970a", "can-daq", "druck-pace", "newport-esp301"}
+    assert seen - set(known) == {"can-daq", "druck-pace", "newport-esp301"}
     assert seen >= set(known)
     assert {parse(text).wire.protocol for text in known.values()} == {"text", "stream", "modbus", "can"}
 

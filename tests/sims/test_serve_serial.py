@@ -18,7 +18,6 @@ from rig.bench.plugins import driver_class
 from rig.drivers.cia402 import CiA402Pair
 from rig.drivers.clock import RealClock, ScaledClock
 from rig.drivers.errors import DriverError
-from rig.drivers.keysight_34970a import Keysight34970A
 from rig.drivers.newport_esp301 import NewportESP301
 from rig.drivers.watlow_f4t import WatlowF4T
 from rig.drivers.wires import Wires
@@ -123,7 +122,7 @@ def test_drivers_work_across_processes(tmp_path):
         assert len(upright) == 3
         assert abs(upright[0]) > 0.1, "a sensor along x feels its weight at 90 degrees of pitch"
 
-        scanner = driver(bench, "scanner", Keysight34970A)
+        scanner = driver(bench, "scanner", driver_class("keysight-34970a"))
         scanner.identify()
         scanner.prepare()
         scanner.start(2)

@@ -35,6 +35,7 @@ class DeclaredBench:
             for name, unit in self._channels(text).items()
         )
         other = '[instruments.dvm]\ndriver = "keysight-34401a"\naddress = "/dev/rig/dvm"\n[sensors.x]\nreader = "dvm"\n'
+        more += '\nchannels = { "101" = "volts" }' * ("[scan]" in text and "channels" not in more)
         bench = f'name = "lab"\n[instruments.it]\ndriver = "it.toml"\naddress = "{ADDRESSES[protocol]}"\n{more}\n'
         bench += channels or other
         bench += f"[factors]\nlevel_{self._unit(text)} = 'it'\n" if source else ""
@@ -52,7 +53,7 @@ class DeclaredBench:
     def _channels(text: str) -> dict[str, str]:
         from rig.contracts.declared.instrument import parse  # noqa: PLC0415 - the text may be wrong on purpose
 
-        reader = parse(text).reader
+        reader = parse(text).chosen({}).reader
         if reader is None:
             return {}
         return {name: one.unit or reader.unit or "V" for name, one in reader.channels.items()} or {

@@ -272,7 +272,9 @@ class _opened:  # noqa: N801 - used as a context
 def bench_of(text: str, table: Instrument, address: str, options: Mapping[str, Any]) -> BenchConfig:
     """A bench with this instrument, on which all its channels are read or its quantity is set."""
     lines = ['name = "check"', f"[instruments.{NAME}]", 'driver = "person"']
-    reader, source = table.reader, table.source
+    if table.scan is not None:
+        options = {"channels": table.scan.first(), **options}
+    reader, source = table.chosen(options).reader, table.source
     if reader is not None:
         channels = {name: one.unit or reader.unit for name, one in reader.channels.items()} or {"input": reader.unit}
         for n, (channel, unit) in enumerate(channels.items()):
