@@ -21,11 +21,11 @@ from rig.sims.twins.scpi import COMMON, ScpiTwin, Wait
 from rig.sims.twins.scpi_syntax import Command, ScpiError, compiled, number, split_outside
 from rig.sims.world import World
 
-__all__ = ["DescribedTwin", "Wait"]
-
 _STATUS = compiled(tuple(row for row in COMMON if row.header not in ("SYSTem:REMote", "SYSTem:RWLock", "SYSTem:LOCal")))
-_QUESTIONS = ("fetch", "setpoint", "read", "output", "settled")
-"""Options with a question, which may be compound: `:FETC?;:STAT?`."""
+_QUESTIONS = {"fetch": "reader", "setpoint": "source", "read": "source", "output": "source", "settled": "source"}
+"""Options with a question, which may be compound, `:FETC?;:STAT?`, and the role that it belongs to."""
+_COMMANDS = {"start": "reader", "abort": "reader", "set": "source", "on": "source", "off": "source"}
+"""Options with a command, likewise; that of `start` may have several units."""
 _ASK, _TELL = Ask(ask=""), Tell(tell="")  # of a number that needs no form
 _SWITCH = {"ON": "1", "OFF": "0"}
 
@@ -68,7 +68,7 @@ class DescribedTwin(ScpiTwin):
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str) -> None:
         table = Instrument.model_construct(**self.role(options))
         self.it: Behaviour = type("It", (Behaviour,), {"table": table})(name, options, world, plant, serial)
-        self.options, self.plant, self.inputs = options, plant, self.it.inputs
+        self.options, self.inputs, self.quantity = options, self.it.inputs, self.it.quantity
         self._serial = serial
         self.line_end = ENDS[str(options.get("line_end", "lf"))]
         self._prepare = [unit for line in _texts(options, "prepare") for unit in units(line)]
@@ -78,7 +78,11 @@ class DescribedTwin(ScpiTwin):
         healthy = options.get("healthy") or {}
         assert isinstance(healthy, Mapping)
         self._healthy = {header(str(question)): str(answer) for question, answer in healthy.items()}
-        asked = [str(options.get(key) or "") for key in _QUESTIONS] + [str(q) for q in (*check, *healthy)]
+        questions = {key: str(options.get(key) or "") for key in _QUESTIONS}
+        self._asks = {header(text): key for key, text in questions.items() if text}
+        self._tells = [(key, *one) for key in _COMMANDS for one in units(str(options.get(key) or "")) if one[0]]
+        self._bit = int(str(options.get("settled_bit", 0)))
+        asked = [*questions.values(), *(str(q) for q in (*check, *healthy))]
         self._compound = {header(question) for question in asked if len(units(question)) > 1}
         self._error = units(str(options.get("error", "SYST:ERR?")))[0][0]
         super().__init__(name, world, int(str(options.get("baud", 9600))), str(options.get("frame", "8N1")))
@@ -90,6 +94,7 @@ class DescribedTwin(ScpiTwin):
     def reset(self) -> None:
         """*RST: settings are forgotten, and what it does ends."""
         self.it.power_cycle()
+        self._count = 1
         self._kept: dict[str, str] = {}
         self._came: set[str] = set()
 
@@ -122,6 +127,10 @@ class DescribedTwin(ScpiTwin):
                     return (*plain[:at], (name, ""), *plain[at + count :])
         return plain
 
+    def busy_for(self) -> float:
+        """Seconds until all readings are taken."""
+        return self.it.busy_for()
+
     def does(self, name: str, rest: str) -> str | None:
         """Execute a header of its own; the answer if it is a question. Raises `KeyError` if there is none.
 
@@ -129,7 +138,49 @@ class DescribedTwin(ScpiTwin):
             name: with its path, in upper case.
             rest: its parameters.
         """
+        for at, (key, known, template) in enumerate(self._tells):
+            if name == known and not name.startswith("*") and (holes := _holes(template, rest)) is not None:
+                if key != "start":
+                    self.done(f"{_COMMANDS[key]}.{key}", **holes)
+                else:
+                    self._started(holes, last=all(other != "start" for other, *_ in self._tells[at + 1 :]))
+                return None
+        key = self._asks.get(name, "")
+        if key == "fetch":
+            return self._fetched() if self._tells and self._tells[0][0] == "start" else self._one()
+        if key in ("setpoint", "read"):
+            return self.number(f"{self.told(f'source.{key}').value:.9E}")
+        if key:
+            return str(int(self.told(f"source.{key}").value) << (self._bit if key == "settled" else 0))
         return self._healthy[name]
+
+    def _started(self, holes: Mapping[str, float], *, last: bool) -> None:
+        """Take the number of readings; the last unit of `start` begins them."""
+        count = round(holes.get("count", self._count))
+        if not 1 <= count <= self.it.most:
+            raise ScpiError(-222)
+        self._count = count
+        if last and self.busy_for() > 0:
+            raise ScpiError(-213)
+        if last:
+            self.done("reader.start", count=float(count))
+
+    def _fetched(self) -> str:
+        if not self.it.begun:
+            raise ScpiError(-230)
+        said = self.told("reader.fetch")  # readings are kept until the next start
+        if said.after_s > 0:
+            raise Wait(said.after_s)
+        readings: Any = said.fields["values"]
+        return self.number(*(f"{one:+.9E}" for one in readings))
+
+    def _one(self) -> str:
+        """A reading that is taken by its question."""
+        if not self.it.begun:
+            self.done("reader.start", count=1.0)
+        found = self._fetched()
+        self.done("reader.abort")
+        return found
 
     def done(self, place: str, **holes: float) -> None:
         """Carry out what a command of the table does. Raises `ScpiError` where the table does not allow it."""
@@ -188,6 +239,15 @@ class DescribedTwin(ScpiTwin):
 
     def _prepared(self) -> bool:
         return all(name in self._came for name, _ in self._prepare if not name.startswith("*"))
+
+
+def _holes(template: str, rest: str) -> dict[str, float] | None:
+    """The number in the parameters of a command; {} if there is none, None if they are others. Raises `ScpiError`."""
+    for hole in ("count", "value"):
+        before, found, after = template.partition(f"{{{hole}}}")
+        if found and rest.startswith(before) and rest.endswith(after):
+            return {hole: number(rest.removeprefix(before).removesuffix(after))}
+    return {} if rest == template else None
 
 
 def _is_number(text: str) -> bool:

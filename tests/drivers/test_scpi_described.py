@@ -223,7 +223,7 @@ def test_a_source_whose_setpoint_reads_back_otherwise_is_switched_off(bench):
     it = bench(SOURCE)
     it.it.prepare()
     it.it.set(1.0)
-    it.twin._set = lambda rest: setattr(it.twin.it, "_setpoint", 9.0)
+    it.twin.it._set = lambda value: setattr(it.twin.it, "_setpoint", 9.0)
     with pytest.raises(BadReply, match=r"VOLT\? should answer 2 and answers 9"):
         it.it.set(2.0)
     assert not it.twin.quantity.on

@@ -232,7 +232,7 @@ def test_a_point_of_45_s_takes_about_that_long_at_400_times_the_speed(tmp_path):
 def test_the_range_of_a_twin_is_that_of_the_bench_file(monkeypatch, more, reads):
     it = Bench(METER | more)
     try:
-        monkeypatch.setattr(it.twin.plant, "channel_V", lambda *_: 1970.0)
+        monkeypatch.setattr(it.twin.it.plant, "channel_V", lambda *_: 1970.0)
         it.it.prepare()
         it.it.start(1)
         assert it.it.fetch() == {"input": [pytest.approx(reads)]}
