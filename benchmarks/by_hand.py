@@ -5,6 +5,7 @@ Each action is made in turns, and medians are compared. An exchange is driver, w
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -15,36 +16,100 @@ from typing import Any
 from rig.bench.plugins import driver_class
 from rig.drivers.clock import Clock
 from rig.drivers.declared import driver_of
-from rig.drivers.scpi import SYNC, Dialect, ScpiMeter
+from rig.drivers.errors import LimitError, NotReady
+from rig.drivers.kept import not_kept
+from rig.drivers.numbers import whole
+from rig.drivers.scpi import PREPARED, agrees, raise_errors
 from rig.drivers.watlow_f4t import WatlowF4T
 from rig.drivers.wires import SerialSettings, Wires
 from rig.sims.bench import SimBench
 from rig.sims.world import World
 from rig.simulated.dry_run import twin_class
 
-_DIALECT = Dialect("SYST:REM", "\x03", clear_with_dtr=True, reading=re.compile(r"[+-]\d\.\d{8}E[+-]\d\d", re.ASCII))
+_READING = re.compile(r"[+-]\d\.\d{8}E[+-]\d\d", re.ASCII)
+_MARKS = 32
 
 
-class Meter(ScpiMeter):
+class Meter:
     """The 34401A as its driver was before it was a file: 10 V, 10 power line cycles of 50 Hz."""
 
-    most_sweeps = 512
-
     def __init__(self, address: str, wires: Wires, clock: Clock) -> None:
-        line = wires.serial(address, SerialSettings(9600, "7E2", "none", timeout_s=2.0, sync=SYNC), "dvm")
-        super().__init__(line, clock, "34401A", _DIALECT)
+        settings = SerialSettings(9600, "7E2", "none", timeout_s=2.0, sync=("SYST:VERS?", "19"))
+        self._line, self._clock = wires.serial(address, settings, "dvm"), clock
+        self._count, self._due, self._mark = 0, 0.0, 0
+        self._declared: Mapping[str, float | str] = {}
+        self._most, self._channels, self._start, self._fetch = 512, ("input",), "TRIG:COUN {count};:INIT", "FETC?"
 
-    def channels(self) -> Sequence[str]:
-        return ("input",)
-
-    def sweep_s(self) -> float:
+    def _sweep_s(self) -> float:
         return 0.0015 + 2 * 10.0 / 50.0
 
+    def _clear(self) -> None:
+        self._line.device_clear("\x03", with_dtr=True)
+
+    def _raise_errors(self) -> None:
+        raise_errors(self._line, lambda: self._line.query("SYST:ERR?", repeat=False), 21)
+
     def prepare(self) -> None:
-        self._configure(("CONF:VOLT:DC 10", "VOLT:DC:NPLC 10", "ZERO:AUTO ON", "TRIG:SOUR IMM", "SAMP:COUN 1"))
+        """Reset it, send its settings one by one, and read them back."""
+        settings = ("CONF:VOLT:DC 10", "VOLT:DC:NPLC 10", "ZERO:AUTO ON", "TRIG:SOUR IMM", "SAMP:COUN 1")
+        self._clear()
+        for command in ("SYST:REM", "*RST", "*CLS", *settings):
+            self._line.write(command)
+            if self._line.query("*OPC?") != "1":
+                raise self._line.bad_reply("*OPC?", "", "1")
+        self._raise_errors()
         wanted: dict[str, float | str] = {"FUNC?": '"VOLT"', "VOLT:DC:RANG?": 10.0, "VOLT:DC:RANG:AUTO?": "0"}
         self._verify({**wanted, "VOLT:DC:NPLC?": 10.0, "ZERO:AUTO?": "1", "TRIG:SOUR?": "IMM", "SAMP:COUN?": 1.0})
-        self._mark_prepared()
+        self._line.write(f"*PSC 1;*ESE {PREPARED}")
+        self._verify({"*ESE?": float(PREPARED)})
+
+    def _verify(self, wanted: Mapping[str, float | str]) -> None:
+        self._declared = {**self._declared, **wanted}
+        for question, value, answer in not_kept(wanted, self._line.query, _agree):
+            raise self._line.bad_reply(question, answer, str(value))
+
+    def restarted(self) -> bool:
+        """Whether it has been powered up since it was prepared."""
+        answer = self._line.query("*ESE?")
+        try:
+            return whole(answer) != PREPARED
+        except ValueError:
+            raise self._line.bad_reply("*ESE?", answer, "a number") from None
+
+    def start(self, count: int) -> float:
+        """Trigger readings, with a number in the service request mask."""
+        if not 1 <= count <= self._most:
+            raise LimitError(f"{self._line.where} can take 1 to {self._most} sweeps at once, not {count}")
+        self._mark = self._mark % (_MARKS - 1) + 1
+        self._line.write(f"*SRE {self._mark};:{self._start.format(count=count)}")
+        expected = count * self._sweep_s()
+        self._count, self._due = count, self._clock.now() + expected
+        return expected
+
+    def fetch(self) -> Mapping[str, Sequence[float]]:
+        """Its readings, checked: their number, form and mark."""
+        if not self._count:
+            raise NotReady(f"{self._line.where}: there is nothing to fetch; start a measurement first")
+        count, self._count = self._count, 0
+        self._clock.sleep(self._due - self._clock.now())
+        question, names = f"{self._fetch};*SRE?", self._channels
+        sending_s = self._line.takes_s(count * len(names) * 16)
+        answer = self._line.query(question, sending_s + count * self._sweep_s() / 4 + 2.0, repeat=False)
+        readings, _, mark = answer.rpartition(";")
+        words = readings.split(",")
+        if not (mark.isascii() and mark.strip("+").isdecimal() and all(map(_READING.fullmatch, words))):
+            raise self._line.bad_reply(question, answer, "readings and the measurement's mark")
+        if int(mark) != self._mark or len(words) != count * len(names):
+            raise self._line.bad_reply(question, answer, f"mark {self._mark} and {count} numbers")
+        values = [float(word) for word in words]
+        if not all(map(math.isfinite, values)):
+            raise self._line.bad_reply(question, answer, "finite numbers")
+        return {name: values[n :: len(names)] for n, name in enumerate(names)}
+
+
+def _agree(answer: str, wanted: float | str) -> bool:
+    """Whether an answer is as wanted, with one number for each channel."""
+    return all(agrees(part, wanted) for part in ([answer] if isinstance(wanted, str) else answer.split(",")))
 
 
 class Bath:

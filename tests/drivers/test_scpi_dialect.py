@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from typing import ClassVar
 
 import pytest
 from serial_bench import FakePlant, plug_in, wires
 
+from rig.drivers.declared import driver_of
 from rig.drivers.errors import BadReply
-from rig.drivers.scpi import SYNC, Dialect, ScpiMeter
-from rig.drivers.wires import SerialSettings
 from rig.sims.twins.keysight_34401a import Keysight34401ATwin
 from rig.sims.twins.scpi_syntax import Command, compiled
 from rig.sims.world import World
@@ -40,25 +38,29 @@ class ForeignTwin(Keysight34401ATwin):
         return f"{reading.value:.6g}"
 
 
-class ForeignMeter(ScpiMeter):
-    most_sweeps = 100
+FILE = """
+maker = "MAKER"
+model = "MODEL 6500"
+scpi = true
+prepare = ["*RST", "*CLS", "CONF:VOLT:DC 10", "VOLT:DC:NPLC 10"]
+errors = { ask = "SYST:ERR?", each = false }
+wire = { baud = 9600, frame = "7E2", done = "*OPC?"MORE }
+[reader]
+unit = "V"
+start = "*SRE {mark:d};:START"
+fetch = { ask = "FETC?;*SRE?", answer = "{values};{mark:d}" }
+abort = "ABOR"
+reading_s = 0.5
+most = 100
+"""
 
-    def channels(self):
-        return ("input",)
 
-    def sweep_s(self):
-        return 0.5
-
-    def prepare(self):
-        self._configure(("CONF:VOLT:DC 10", "VOLT:DC:NPLC 10"))
-
-
-def bench(*dialect):
+def bench(more="", start="TRIG:COUN {count:d};:INIT", values="{values}"):
     world = World()
     twin = ForeignTwin(world)
     opened, wire = wires(world)
-    line = opened.serial(plug_in(world, twin), SerialSettings(9600, "7E2", timeout_s=2.0, sync=SYNC), "dmm")
-    return world, twin, wire, ForeignMeter(line, world, "MODEL 6500", *dialect)
+    made = driver_of(FILE.replace("MORE", more).replace("START", start).replace("{values}", values))
+    return world, twin, wire, made("dmm", plug_in(world, twin), made.Options(), opened, world)
 
 
 def test_nothing_of_another_makers_habits_is_assumed():
@@ -74,24 +76,22 @@ def test_nothing_of_another_makers_habits_is_assumed():
     assert not any(b"REM" in line for line in wire.sent())
 
 
-def test_another_makers_habits_would_leave_it_measuring_and_with_errors():
-    _, twin, _, meter = bench(Dialect(remote="SYST:REM", clear="\x03"))
+def test_another_makers_habits_would_leave_it_with_errors():
+    _, twin, _, meter = bench(', remote = "SYST:REM", clear = "\\u0003"')
     meter.identify()
-    assert meter._line.query("SYST:ERR?").startswith("-113")
+    assert meter._talk.line.query("SYST:ERR?").startswith("-113")
     meter.prepare()
     meter.start(50)
     meter.make_safe()
-    assert twin.measuring
     assert b"\x03" in twin.unknown
 
 
 def test_start_and_form_of_the_readings_are_its_own():
-    dialect = Dialect(start="SAMP:COUN {count};:INIT", reading=re.compile(r"\d\.\d{9}"))
-    *_, wire, meter = bench(dialect)
+    *_, wire, meter = bench(start="SAMP:COUN {count:d};:INIT", values="{values:1.9}")
     meter.identify()
     meter.prepare()
     wire.log.clear()
     meter.start(2)
     assert wire.sent() == [b"*SRE 1;:SAMP:COUN 2;:INIT\n"]
-    with pytest.raises(BadReply, match="expected readings and the measurement's mark"):
+    with pytest.raises(BadReply, match="expected an answer as in"):
         meter.fetch()

@@ -114,9 +114,7 @@ def test_its_own_fault_strikes_in_a_night_and_everything_holds_if_its_driver_hee
     if not heeded:
         from acme_rig.driver import AcmeM7  # noqa: PLC0415 - there is no such package before
 
-        from rig.drivers.scpi import ScpiMeter  # noqa: PLC0415
-
-        monkeypatch.setattr(AcmeM7, "fetch", ScpiMeter.fetch)
+        monkeypatch.setattr(AcmeM7, "fetch", AcmeM7.__base__.fetch)
     texts = {"bench.toml": outside_package.bench_text()}
     assert "oven-cold" in draw(SEED, "attitude", bench=texts).documents["world.toml"]
     verdict, told = replay(SEED, "attitude", tmp_path, bench=texts)

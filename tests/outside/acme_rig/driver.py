@@ -1,68 +1,66 @@
-"""Acme M7: three voltage inputs A, B, C and a thermometer T, on a serial line."""
+"""Acme M7: three voltage inputs A, B, C and a thermometer T, on a serial line: a file, and what no key of it says."""
 
 from __future__ import annotations
 
-import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from pydantic import Field
 
+from rig.contracts.declared.exchanges import Ask
 from rig.drivers.clock import Clock
-from rig.drivers.driver import ContractFile, Medium
+from rig.drivers.declared import driver_of
+from rig.drivers.driver import ContractFile
 from rig.drivers.errors import InstrumentError
-from rig.drivers.numbers import whole
-from rig.drivers.scpi import Dialect, ScpiMeter
-from rig.drivers.wires import SerialOptions, SerialSettings, Wires
+from rig.drivers.wires import Wires
 
-_DIALECT = Dialect(start="SAMP:COUN {count};:INIT", reading=re.compile(r"[+-]\d\.\d{8}E[+-]\d\d", re.ASCII))
+_FILE: Any = driver_of(
+    """
+maker = "ACME"
+model = "M7"
+scpi = true
+parameters = { period_s = 0.1 }
+formulas = { reading_s = "4 * period_s" }
+prepare = ["*RST", "*CLS", "SENS:PER {period_s}"]
+check = [{ ask = "SENS:PER?", is = "{period_s}" }]
+[wire]
+baud = 19200
+[errors]
+ask = "SYST:ERR?"
+each = false
+[reader]
+unit = "V"
+channels = { A = {}, B = {}, C = {}, T = { unit = "degC" } }
+start = "*SRE {mark:d};:SAMP:COUN {count:d};:INIT"
+fetch = { ask = "FETC?;*SRE?", answer = "{values:+.8e2};{mark:d}" }
+abort = "ABOR"
+most = 1000
+""",
+    own=False,
+)
+_EVENTS = Ask(ask="STAT:QUES?")
 
 
-class AcmeM7(ScpiMeter):
+class AcmeM7(_FILE):
     """The meter; satisfies `rig.drivers.roles.Reader`."""
 
-    wire: ClassVar[Medium] = "serial"
     contracts: ClassVar[tuple[ContractFile, ...]] = (ContractFile("conditions", "acme_rig", "m7_conditions.toml"),)
 
-    class Options(SerialOptions):
+    class Options(_FILE.Options):
         """What the bench file may say about this instrument."""
 
         conditions: str = Field(description="what the bits of its event register mean")
-        period_ms: int = Field(100, ge=20, le=1000, description="how long each input is read")
 
     def __init__(self, name: str, address: str, options: Options, wires: Wires, clock: Clock) -> None:
-        self._period_s = options.period_ms * 1e-3
         self._conditions = tomllib.loads(options.conditions)["conditions"]
-        settings = SerialSettings(19200, "8N1", send_end=options.send_end, timeout_s=2.0, sync=("SYST:VERS?", "19"))
-        line = wires.serial(address, settings, name)
-        super().__init__(line, clock, "M7", _DIALECT)
-
-    @property
-    def most_sweeps(self) -> int:
-        return 1000
-
-    def channels(self) -> Sequence[str]:
-        return ("A", "B", "C", "T")
-
-    def sweep_s(self) -> float:
-        return 4 * self._period_s
-
-    def prepare(self) -> None:
-        self._configure((f"SENS:PER {self._period_s:g}",))
-        self._verify({"SENS:PER?": self._period_s})
-        self._mark_prepared()
+        super().__init__(name, address, options, wires, clock)
 
     def fetch(self) -> Mapping[str, Sequence[float]]:
         """Readings, but none taken while something was wrong, which its event register keeps until it is asked."""
-        readings = super().fetch()
-        question = "STAT:QUES?"
-        answer = self._line.query(question, repeat=False)
-        try:
-            found = whole(answer)
-        except ValueError:
-            raise self._line.bad_reply(question, answer, "a number") from None
+        readings: Mapping[str, Sequence[float]] = super().fetch()
+        found = int(self._talk.once(_EVENTS, repeat=False).value)
         for name, bit in self._conditions.items():
             if found & bit:
-                raise InstrumentError(self._line.where, bit, name.replace("_", " "))
+                raise InstrumentError(self._where, bit, name.replace("_", " "))
         return readings
