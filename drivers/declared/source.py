@@ -182,10 +182,11 @@ class DeclaredSource(Declared):
         return found
 
     def stop(self) -> None:
-        """Hold the present value: it becomes the setpoint."""
+        """Hold the present value: it becomes the setpoint. Raises `NotReady` if the setpoint is not ours (`ready`)."""
         state = self.read()
         if not state.output or state.settled:
             return
+        self._require_ready()
         if self._source.hold:
             for command in self._source.hold:
                 self._talk.tell(command)
