@@ -367,6 +367,10 @@ def _of_source(source: Source) -> Iterator[str]:
         yield "source.output is missing: on and off are read back by it; in the manual: output, status"
     if source.output is not None and not source.off:
         yield "source.off is missing: it belongs to output"
+    if source.rest is not None and not (source.off and source.read is not None and source.read_off):
+        yield "source.rest needs off, and read, which answers while it is off"
+    if source.rest is not None and not source.rest[0] < source.rest[1]:
+        yield f"source.rest = {list(source.rest)} has to be the lowest and the highest reading"
     if source.tolerance is not None and source.read is None:
         yield "source.tolerance needs read: it is how its reading tells that it has arrived"
     if source.readback is not None and source.readback < source.step / 2 * (1 - 1e-9):

@@ -78,9 +78,13 @@ class Source(Strict):
     output: Ask | None = Field(
         None, description="asks whether it is on, off, or vents; 1 and ON, 0 and OFF need no words"
     )
+    rest: tuple[float, float] | None = Field(
+        None, description="lowest and highest reading of what is off: a vent takes time, and is not safe before"
+    )
     safe_value: float | None = Field(None, description="setpoint of the safe state")
     hold: Tells = Field((), description="holds the present value; left out: it becomes the setpoint")
     settled: Ask | None = Field(None, description="asks whether it has arrived: words, or a bit")
+    settled_after_s: float = Field(0.0, ge=0, le=3600, description="what settled says sooner is of the setpoint before")
     tolerance: float | None = Field(
         None, gt=0, description="largest distance of reading and setpoint; with settled: then, too"
     )

@@ -63,6 +63,9 @@ def options_of(table: Instrument) -> type[Any]:
             fields[name] = (float | None, described)
         for name in ("tolerance", "dwell_s", "time_constant_s"):
             fields[name] = (float | None, Field(getattr(source, name), ge=0.0, description=f"{name} of this one"))
+        if source.rest is not None:
+            said = "lowest and highest reading while it is off"
+            fields["rest"] = (tuple[float, float], Field(source.rest, description=said))
     base: Any = _Options if table.lines else _Plain
     made: type[Any] = create_model("Options", __base__=base, **fields)
     return made
@@ -100,7 +103,7 @@ def driver_of(text: str, *, own: bool = True) -> type[Declared]:
         bases.append(OneByOneReader if several else ScanningReader if table.scan is not None else DeclaredReader)
     bases += [DeclaredSource] if table.source is not None else []
     words = "".join(c if c.isalnum() else "_" for c in f"{table.maker}_{table.model[0]}")
-    constant = table.source.time_constant_s if table.source is not None else None
+    told = {key: getattr(table.source, key, None) for key in ("time_constant_s", "rest")}
     members: dict[str, Any] = {
         "table": table,
         "wire": "bridge" if table.bridge else "serial" if table.lines else table.wire.protocol,
@@ -109,7 +112,7 @@ def driver_of(text: str, *, own: bool = True) -> type[Declared]:
         or bool(table.wire.preamble or table.wire.shared)
         or any(f"{{{name}" in table.wire.request for name in table.parameters),
         "own": own,
-        "supplied": {} if constant is None else {"time_constant_s": constant},
+        "supplied": {key: one for key, one in told.items() if one is not None},
         "Options": options_of(table),
     }
     return type(words, tuple(bases), members)

@@ -35,7 +35,7 @@ class DeclaredSource(Declared):
 
     def _own(self) -> dict[str, Any]:
         """Values that the bench file gives instead of those of the file."""
-        keys = ("low", "high", "tolerance", "dwell_s", "safe_value")
+        keys = ("low", "high", "tolerance", "dwell_s", "safe_value", "rest")
         return {key: one for key in keys if (one := getattr(self._options, key, None)) is not None}
 
     def prepare(self) -> None:
@@ -144,7 +144,8 @@ class DeclaredSource(Declared):
             value = self._talk.number(source.read)
         settled = state == "on" and self._settled(setpoint, value)
         at_safe = source.safe_value is not None and abs(setpoint - source.safe_value) <= source.nearness
-        safe = state != "on" if source.off else at_safe
+        low, high = source.rest or (-math.inf, math.inf)  # a vent takes time, and pressure may be trapped
+        safe = state != "on" and low <= value <= high if source.off else at_safe
         return SourceState(setpoint, value, settled, state == "on", safe, self._unlike(self.table.healthy))
 
     def _settled(self, setpoint: float, value: float) -> bool:
@@ -155,6 +156,7 @@ class DeclaredSource(Declared):
         if source.settled is not None:
             found = self._talk.ask(source.settled)
             near = source.tolerance is None or abs(value - setpoint) <= source.tolerance
+            near = near and now - self._set_at >= source.settled_after_s
             return near and (found.meaning in ("stable", "on") or (not found.meaning and found.printed in _ON))
         if source.tolerance is None:
             return now - self._set_at >= source.dwell_s
@@ -196,16 +198,32 @@ class DeclaredSource(Declared):
         self._set_at = self._clock.now()
 
     def make_safe(self) -> None:
-        """The safe state: the safe value if there is one, then the output off; both are read back.
+        """The safe state: the safe value if there is one, then the output off; both are read back. One that vents is
+        not told again.
 
         Raises:
-            NotReady: it is not in its safe state.
+            NotReady: it is not in its safe state, or has not come to rest yet.
         """
         super().make_safe()
         self._talk.forget_errors()
-        self._shut()
-        if not self._in_time(lambda: self.read().safe):
+        if not self._vents():
+            self._shut()
+        if self._in_time(lambda: self.read().safe):
+            return
+        state, (low, high) = self.read(), self._source.rest or (-math.inf, math.inf)
+        if state.output or low <= state.value <= high:
             raise NotReady(f"{self._where} is not in its safe state: switch it off by hand")
+        raise NotReady(
+            f"{self._where} is off and still at {state.value:g} {self.unit()}, not {low:g} to {high:g}: if it stays, "
+            f"pressure may be trapped; open the line by hand before disconnecting anything"
+        )
+
+    def _vents(self) -> bool:
+        """Whether it is on its way to rest, and is not to be told again."""
+        try:
+            return self._source.rest is not None and self._state() == "vent"
+        except DriverError:
+            return False
 
     def _shut(self) -> None:
         """Send the safe value and switch off; a step that fails does not prevent the next. Its state is read later."""

@@ -151,7 +151,9 @@ class _Source(_Task):
         state = self.instrument.read()
         self.found |= {"setpoint": state.setpoint, "value": state.value, "output": state.output, "safe": state.safe}
         unit = self.instrument.unit()
-        return "" if state.safe else f"it still puts out {state.value:g} {unit}; switch it off at its panel"
+        if state.safe or state.output:
+            return "" if state.safe else f"it still puts out {state.value:g} {unit}; switch it off at its panel"
+        return f"it is off and still at {state.value:g} {unit}: let it off by hand before disconnecting anything"
 
 
 _TASKS: tuple[tuple[type, type[_Task]], ...] = (
@@ -224,7 +226,8 @@ def _output(instrument: Any, safety: SafetyConfig) -> str:
     try:
         state = instrument.read()
         if role is Source:
-            return f"stays on at {state.value:g} {instrument.unit()}" if state.output and not state.safe else ""
+            now = f"at {state.value:g} {instrument.unit()}"
+            return "" if state.safe else f"stays on {now}" if state.output else f"is off, and still {now}"
         if role is Chamber:
             now = f"{state.setpoint_degC:g} degC, now {state.temperature_degC:.4g} degC"
             return f"stays on at a setpoint of {now}" if state.running else ""

@@ -143,9 +143,7 @@ class Laboratory:
         self._truth, self._lab, self._start = truth, lab, start
         self._angles = angles
         self._factors = dict.fromkeys(angles, "") | {n: str(i) for n, i in bench.get("factors", {}).items()}
-        self._time_constants = {
-            name: table.get("time_constant_s") for name, table in bench.get("instruments", {}).items()
-        }
+        self._options = bench.get("instruments", {})
         self._sources: dict[str, Source] = {}
         self._chambers: dict[str, Chamber] = {}
         self._others: dict[str, Callable[[float], float]] = {}
@@ -204,9 +202,10 @@ class Laboratory:
             factor = next((f for f, name in self._factors.items() if name == instrument), instrument)
             truth = self._truth.sources.get(factor, SourceTruth())
             bath = factor.endswith("_degC")
-            said = self._time_constants.get(instrument)
+            own = self._options.get(instrument, {})
+            said, ends = own.get("time_constant_s"), own.get("rest")
             tau = said if isinstance(said, int | float) else _BATH_S if bath else _QUICK_S
-            rest = self._truth.lab.mean_degC if bath else 0.0
+            rest = (ends[0] + ends[1]) / 2.0 if ends else self._truth.lab.mean_degC if bath else 0.0
             self._sources[instrument] = Source(truth, self._start, factor, time_constant_s=tau, rest=rest)
         return self._sources[instrument]
 

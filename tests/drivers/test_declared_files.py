@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 
 import pytest
@@ -58,8 +59,10 @@ def test_it_does_what_its_role_demands(name):
             assert state.output
             assert abs(state.setpoint - aim) <= table.source.nearness
             driver.stop()
-        driver.make_safe()
+        with contextlib.suppress(NotReady if table.source is not None and table.source.rest is not None else ()):
+            driver.make_safe()  # a vent takes time
         it.sleep(5.0)
+        driver.make_safe()
         if isinstance(driver, Source):
             assert driver.read().safe
         if isinstance(driver, Restartable):

@@ -23,7 +23,7 @@ from rig.contracts.declared.replay import replayed
 from rig.drivers.clock import Clock, RealClock
 from rig.drivers.declared.base import Setting
 from rig.drivers.declared.reader import OneByOneReader
-from rig.drivers.errors import ChannelsFailed, DriverError
+from rig.drivers.errors import ChannelsFailed, DriverError, NotReady
 from rig.drivers.roles import Reader, Source, WithUnits
 from rig.drivers.wires import Wires
 from rig.errors import RigError
@@ -351,7 +351,7 @@ def _steps(
         yield took, lambda: anything.set(setpoint) or ""
         if took.ok:
             yield Step("settle"), lambda: _settled(driver, clock, wait_s)
-        yield Step("safe state"), lambda: anything.make_safe() or state()
+        yield Step("safe state"), lambda: _safe(driver, clock, wait_s) + state()
 
 
 def _readings(driver: Any, doubt: str) -> str:
@@ -386,6 +386,20 @@ def _first(pairs: Sequence[tuple[float, float]]) -> str:
             f"it is that of the channel before: two readings of each are {said}; write discard = 1 at [reader]"
         )
     return "it is the channel's own"
+
+
+def _safe(driver: Any, clock: Clock, wait_s: float) -> str:
+    """Bring it to its safe state, to which it may be on its way for a while. Raises `NotReady`."""
+    end = clock.now() + wait_s
+    while True:
+        try:
+            driver.make_safe()
+        except NotReady:
+            if clock.now() >= end:
+                raise
+            clock.sleep(_POLL_S)
+        else:
+            return ""
 
 
 def _settled(driver: Any, clock: Clock, wait_s: float) -> str:
