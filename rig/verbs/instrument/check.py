@@ -305,7 +305,7 @@ def _steps(
     yield Step("identity"), identity
     if setting:
         yield Step("prepare"), lambda: anything.prepare() or ""
-    if table.check or table.healthy or table.prepare:
+    if table.check or table.healthy or table.ready or table.prepare:
         step = Step("settings")
 
         def settings() -> str:
