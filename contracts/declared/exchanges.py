@@ -145,7 +145,9 @@ class Tell(Register):
     answer: Texts = Field(
         (), description="forms of its acknowledgement; left out: there is none; can: `MESSAGE.SIGNAL = 1`"
     )
-    value: float | None = Field(None, description="number that is written to the register")
+    value: float | str | None = Field(
+        None, description='number that is written to the register, or a parameter, "{ramp}", in the unit of scale'
+    )
     wait_s: float = Field(0.0, ge=0, le=600, description="time that it takes: nothing is sent meanwhile")
 
     @model_validator(mode="before")

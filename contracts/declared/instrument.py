@@ -24,7 +24,16 @@ from rig.contracts.declared.defects import (
 from rig.contracts.declared.exchanges import Ask, Check, Strict, Tell, Tells, Texts
 from rig.contracts.declared.forms import Form
 from rig.contracts.declared.hooks import Function, hooks
-from rig.contracts.declared.options import computed, filled, wrong_answers, wrong_choices, wrong_formulas
+from rig.contracts.declared.options import (
+    computed,
+    filled,
+    named,
+    with_value,
+    wrong_answers,
+    wrong_choices,
+    wrong_formulas,
+    wrong_values,
+)
 from rig.contracts.declared.roles import Mark, Reader, Source, Unit
 from rig.contracts.declared.scan import Scan
 from rig.contracts.declared.wire import Errors, Identity, Wire
@@ -58,6 +67,11 @@ class Instrument(Strict):
     )
     parameters: dict[str, str | int | float] = Field(
         {}, description="what the bench file may set, with its default: {node}"
+    )
+    optional: dict[str, str] = Field(
+        {},
+        description="numbers that the bench file may give, with their meaning: `ramp`; commands that prepare it and "
+        "settings with {ramp} are left out where it does not",
     )
     choices: dict[str, tuple[str | int | float, ...]] = Field(
         {}, description="all values that a parameter may have, or baud or frame of the wire"
@@ -106,13 +120,16 @@ class Instrument(Strict):
     def chosen(self, options: Mapping[str, Any]) -> Instrument:
         """The table of one instrument: its parameters, and what follows from them, as a bench file has them."""
         own = {name: type(default)(options.get(name, default)) for name, default in self.parameters.items()}
+        own |= {name: float(options[name]) for name in self.optional if options.get(name) is not None}
         found: dict[str, Any] = {"parameters": own}
-        found |= {key: filled(getattr(self, key), own) for key in ("check", "healthy", "ready")}
+        left = self.optional.keys() - own.keys()
+        found |= {key: filled(named(getattr(self, key), left), own) for key in ("check", "healthy", "ready")}
+        found["prepare"] = tuple(with_value(one, own) for one in named(self.prepare, left))
         if self.reader is not None:
             numbers = self.computed(own)
             if self.scan is not None:
                 tells, checks, numbers["channels"] = self.scan.chosen(options, own)
-                found |= {"prepare": (*self.prepare, *tells), "check": (*found["check"], *checks)}
+                found |= {"prepare": (*found["prepare"], *tells), "check": (*found["check"], *checks)}
             found["reader"] = self.reader.model_copy(update=numbers)
         return self.model_copy(update=found)
 
@@ -254,7 +271,10 @@ class Instrument(Strict):
 
     def _wrong(self) -> Iterator[str]:
         yield from wrong_choices(self.choices, {"baud": self.wire.baud, "frame": self.wire.frame, **self.parameters})
-        yield from wrong_answers((*self.check, *self.healthy, *self.ready), self.parameters)
+        known = dict.fromkeys(self.optional, 0.0) | self.parameters
+        yield from (f"optional.{name} is a parameter, too" for name in self.optional if name in self.parameters)
+        yield from wrong_answers((*self.check, *self.healthy, *self.ready), known)
+        yield from wrong_values((one for _, one in self.tells()), known)
         yield from (f"asked.{name}: there is no parameter {name}" for name in self.asked if name not in self.parameters)
         if self.scan is not None:
             yield from self.scan.wrong(self.parameters)
@@ -275,7 +295,8 @@ class Instrument(Strict):
                 yield f"{place} has no {key}{f', but {other}' * (line is not None or one.register_ is not None)}"
             if self.modbus and isinstance(one, Tell) and one.value is None and place != "source.set":
                 yield f"{place} has no value to write"
-            yield from wrong_forms(place, one, line, self.parameters)
+            may_lack = place.startswith(("prepare", "check", "healthy", "ready"))
+            yield from wrong_forms(place, one, line, known if may_lack else self.parameters)
             yield from wrong_places(place, one, modbus=self.modbus)
             if isinstance(one, Ask):
                 yield from unknown_words(f"{place}.words", one.words)

@@ -6,9 +6,9 @@ import ast
 import operator
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
-from rig.contracts.declared.exchanges import Check
+from rig.contracts.declared.exchanges import Check, Tell
 from rig.contracts.declared.forms import Form
 
 _OPERATORS: Mapping[type, Callable[[Any, Any], Any]] = {
@@ -63,6 +63,25 @@ def filled(checks: Iterable[Check], known: Mapping[str, str | float]) -> tuple[C
     )
 
 
+Exchange = TypeVar("Exchange", Check, Tell)
+
+
+def named(every: Iterable[Exchange], left: Iterable[str]) -> tuple[Exchange, ...]:
+    """Settings, or commands, without those that name a number which the bench file does not give."""
+    return tuple(
+        one
+        for one in every
+        if not any(f"{{{name}" in f"{one.said} {getattr(one, 'is_', '')} {getattr(one, 'value', '')}" for name in left)
+    )
+
+
+def with_value(tell: Tell, known: Mapping[str, str | float]) -> Tell:
+    """A command with the number of the parameter that it writes to a register."""
+    if not isinstance(tell.value, str):
+        return tell
+    return tell.model_copy(update={"value": round(tell.shown(float(known[tell.value.strip("{}")])), 9)})
+
+
 def _named(check: Check) -> str:
     """The parameter that a right answer is; "" if it is none."""
     found = _WHOLE.fullmatch(check.is_) if isinstance(check.is_, str) else None
@@ -80,6 +99,14 @@ def wrong_choices(choices: Mapping[str, Iterable[str | float]], known: Mapping[s
             yield f"choices.{name}: there is no parameter {name}; baud and frame of the wire may have choices, too"
         elif known[name] not in allowed:
             yield f"choices.{name} lacks its default, {known[name]}"
+
+
+def wrong_values(tells: Iterable[Tell], known: Mapping[str, str | float]) -> Iterator[str]:
+    """Values for registers that are parameters which there are not, or texts."""
+    for one in (one for one in tells if isinstance(one.value, str)):
+        name = _WHOLE.fullmatch(str(one.value))
+        if not name or isinstance(known.get(name[1], ""), str):
+            yield f"prepare of {one.said}: value = {one.value!r} is neither a number nor a parameter that is one"
 
 
 def wrong_answers(checks: Iterable[Check], known: Mapping[str, str | float]) -> Iterator[str]:

@@ -46,6 +46,8 @@ def options_of(table: Instrument) -> type[Any]:
         fields["interface"] = (Interface, Field("rs232", description=INTERFACE))
     for name, default in ((name, one) for name, one in table.parameters.items() if name not in table.asked):
         fields[name] = (type(default), Field(default, description="parameter of its file"))
+    for name, meaning in table.optional.items():
+        fields[name] = (float | None, Field(None, description=meaning))
     for name in table.choices.keys() & fields.keys():
         kind, described = fields[name]
         fields[name] = (Annotated[kind, AfterValidator(one_of(*table.choices[name]))], described)

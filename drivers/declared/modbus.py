@@ -118,7 +118,7 @@ class ModbusTalk(Talk):
 
     def tell(self, tell: Tell, holes: Holes = NOTHING, *, checked: bool = True) -> None:
         """Write a register. Never repeated. Raises `InstrumentError`."""
-        value = tell.value if tell.value is not None else float(holes["value"]) / self._places(tell)
+        value = float(tell.value) if tell.value is not None else float(holes["value"]) / self._places(tell)
         number = self._number(tell.register_)
         self.paced()
         if tell.table == "coil":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from math import inf, isnan
+from math import inf, isclose, isnan
 from typing import Any
 
 from rig.contracts.declared.exchanges import Ask, Check, Tell
@@ -21,6 +21,7 @@ class RegistersTwin(Behaviour):
     """The twin; see `rig.sims.twin.ModbusTwin`."""
 
     def __init__(self, name: str, options: Mapping[str, object], world: World, plant: Any, serial: str) -> None:
+        self.table = self.table.chosen(options)  # type: ignore[misc]  # of one instance
         wire = self.table.wire
         self._kept: dict[tuple[str, int], float] = {}
         self._tells: dict[tuple[str, int], list[tuple[str, Tell]]] = {}
@@ -84,10 +85,10 @@ class RegistersTwin(Behaviour):
             if tell.value is None:
                 self._do(place, tell, {"value": number / 10.0 ** places_of(tell)[1]})
                 break
-            if tell.value == number:
+            if isclose(float(tell.value), number, rel_tol=1e-6):  # of single precision
                 self._do(place, tell, {})
         else:
-            if all(tell.value != number for _, tell in self._tells[key]):
+            if not any(isclose(float(tell.value or 0.0), number, rel_tol=1e-6) for _, tell in self._tells[key]):
                 raise Exception_(ILLEGAL_VALUE)
         self._kept[key] = float(number)
 

@@ -8,6 +8,7 @@ import pytest
 from declared_bench import DeclaredBench
 from pydantic import ValidationError
 
+from rig.bench.plugins import declared
 from rig.contracts.declared.forms import Form
 from rig.contracts.declared.instrument import parse
 from rig.contracts.declared.options import computed
@@ -167,3 +168,46 @@ def test_a_right_answer_that_no_field_can_have_is_refused():
     text = text.replace('{ ask = "in_sp_06", is = 0 }', '{ ask = "in_sp_06", answer = "{} C", is = 0 }')
     with pytest.raises(ValueError, match=r"check of in_sp_06: no field of '\{\} C' could be 0"):
         parse(text)
+
+
+@pytest.mark.parametrize(("given", "written"), [("", []), ("ramp = 2.5", [25]), ("ramp = 0", [0])])
+def test_a_number_that_the_bench_may_give_is_set_and_read_back_only_where_it_does(given, written):
+    """A setpoint rate limit that somebody has set at the panel is left alone by a bench file that says nothing."""
+    it = DeclaredBench(declared()["eurotherm-3200"], protocol="modbus", more=given)
+    try:
+        it.it.prepare()
+        assert it.it.wrong() == ()
+        requests = [data[7:] for direction, data in it.wire if direction == "tx"]
+        assert [int.from_bytes(one[3:5], "big") for one in requests if one[:3] == bytes((6, 0, 35))] == written
+        assert any(one[:3] == bytes((3, 0, 35)) for one in requests) is bool(written)
+        if written:
+            it.twin._kept["holding", 35] = 7.0
+            assert it.it.wrong() == (f"register 35 answers 7, not {float(given.split()[2])}",)
+    finally:
+        it.close()
+
+
+def test_lines_of_text_may_lack_a_number_too():
+    known, more = 'prepare = ["UNIT', 'optional = { rate = "K" }\nprepare = ["RATE {rate}", "UNIT'
+    text = declared()["fluke-9171"].replace(known, more)
+    for more, sent in (("", []), ("rate = 1.5", ["RATE 1.5"])):
+        it = DeclaredBench(text, more=more)
+        try:
+            it.it.prepare()
+            assert [line for line in it.sent if "RATE" in line] == sent
+        finally:
+            it.close()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('value = "{ramp}"', 'value = "{rump}"', r"prepare of register 35: value = '\{rump\}' is neither a number nor"),
+        ('value = "{ramp}"', 'value = "fast"', "value = 'fast' is neither a number nor a parameter"),
+        ("optional =", "parameters = { ramp = 1 }\noptional =", "optional.ramp is a parameter, too"),
+        ('is = "{ramp}"', 'is = "{rump}"', r"check of register 35: \{rump\} is no parameter"),
+    ],
+)
+def test_a_number_that_nobody_gives_is_refused(old, new, said):
+    with pytest.raises(ValueError, match=said):
+        parse(declared()["eurotherm-3200"].replace(old, new))

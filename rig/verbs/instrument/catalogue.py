@@ -115,7 +115,7 @@ def _shown(one: Ask | Tell) -> str:
         return line
     if one.register_ is None:
         return ""
-    value = "" if isinstance(one, Ask) else f" = {'value' if one.value is None else f'{one.value:g}'}"
+    value = "" if isinstance(one, Ask) else f" = {'value' if one.value is None else f'{one.value}'}"
     return f"{one.table} {one.register_}{value}"
 
 
