@@ -199,7 +199,7 @@ class Declared:
             if refusing and isinstance(error, InstrumentError):
                 raise
             return Setting(check.said, declared=declared, why_not=str(error))
-        return Setting(check.said, found.printed, declared, same=same)
+        return Setting(check.said, self._talk.told(check, found), declared, same=same)
 
     def unwatched(self) -> Sequence[str]:
         """What nothing in its file would show, in words."""

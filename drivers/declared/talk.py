@@ -149,9 +149,13 @@ class Talk(ABC):
             found = self.ask(check)
             if self.agree(found, check.is_):
                 return ""
-        if check.why:
-            return f"{check.why} ({check.said} answers {found.printed})"
-        return f"{check.said} answers {found.printed}, not {check.is_}"
+        said = f"{check.said} answers {self.told(check, found)}"
+        return f"{check.why} ({said})" if check.why else f"{said}, not {check.is_}"
+
+    @staticmethod
+    def told(check: Check, found: Answer) -> str:
+        """An answer as it compares with the right one: as printed, or as quantity where it has a scale."""
+        return f"{found.value:g}" if found.value == found.value and check.quantity(1.0) != 1.0 else found.printed
 
     @staticmethod
     def agree(found: Answer, wanted: float | str) -> bool:

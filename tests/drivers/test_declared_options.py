@@ -182,7 +182,7 @@ def test_a_number_that_the_bench_may_give_is_set_and_read_back_only_where_it_doe
         assert any(one[:3] == bytes((3, 0, 35)) for one in requests) is bool(written)
         if written:
             it.twin._kept["holding", 35] = 7.0
-            assert it.it.wrong() == (f"register 35 answers 7, not {float(given.split()[2])}",)
+            assert it.it.wrong() == (f"register 35 answers 0.7, not {float(given.split()[2])}",)
     finally:
         it.close()
 
