@@ -23,6 +23,15 @@ PAIRS = (
 SENSOR_DEGC, SSE_DEGC, HALF_RANGE_DEGC = -90.0, 0.0, 40.0
 SETTLES_H = 0.35
 SILENT_PSIA, BOSS_PSIA, STOP_PSIA, GLASS_DEGC, RECOVERS_H, WARMS_H = 0.4, 0.7, 3.7, -112.0, 9.0, 2.5
+CARRIES_PSIA, COOLS_H, BRISTLES_PSIA, SOFTLY_PSIA, BACKLASH_DEGC, DOUBLED_DEGC, AGES_H = (
+    0.8,
+    0.05,
+    0.7,
+    0.3,
+    15.0,
+    15.0,
+    6.0,
+)
 # sd of a reading and of a whole plot, mV: ten times in variance, together 12 % of reading at 0.12 psia and 2 mV/psi
 SUBPLOT, WHOLE_PLOT = 0.0049, 0.0155
 # undeclared cubic that with a sd growing as 0.4 + 0.3 P gives the paper's 12, 11.5, 3.1 and 2.2 % with its four methods
@@ -70,6 +79,12 @@ class Transducer:
     yields: float = 0.0  # mV per degC by which it was ever colder than at the beginning
     day: float = 0.0  # mV up and down
     warming: float = 0.0  # mV at the beginning of the run
+    thin: float = 0.0  # mV in vacuum, by the bridge's own heat that gas at `CARRIES_PSIA` carries off by half
+    squeezed: float = 0.0  # mV for a step to e times the pressure, from the heat of compression
+    rubs: float = 0.0  # mV to each side, by bristles that bend over `BRISTLES_PSIA` before they slide
+    rail: float = 0.0  # mV/psi that are missing far beyond `STOP_PSIA`, softly
+    backlash: float = 0.0  # mV to each side of the transducer's temperature, turned after `BACKLASH_DEGC`
+    seeps: float = 0.0  # mV/h of gas through glass, and doubled by every `DOUBLED_DEGC`
 
 
 @dataclass(frozen=True)
@@ -90,6 +105,8 @@ class Bench:
     reference_cubic: float = 0.0  # psi per psi^3, of the gauge that all transducers are compared with
     head_m: float = 0.0  # transducers below the reference level, in air as cold as they are
     supply_per_h: float = 0.0  # of all bridges' excitation, a part of itself per hour
+    supply_settles: float = 0.0  # the same at the beginning, gone with `AGES_H`
+    tube_h: float = 0.0  # time constant of a thin tube at its lowest pressure
     supply_per_degC: float = 0.0  # the same, with the electronics' temperature
     remembered: float = 0.0  # correlation of a reading's error with the one before, in its whole plot
     wanders: float = 0.0  # correlation of a whole plot's error with that of the one before
@@ -172,6 +189,12 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
     applied = applied + bench.reference_cubic * p**3
     applied = applied + bench.shared_sd * rng.standard_normal(n)
 
+    if bench.tube_h:
+        inside = p[0]
+        for i in range(n):
+            inside = p[i] if first[i] else _flowed(inside, p[i], waits[i] / bench.tube_h / p.min())
+            applied[i] += inside - p[i]
+
     outputs = {}
     for k, truth in enumerate(bench.transducers):
         a, b = at[:, 0] - SENSOR_DEGC, at[:, 1] - SSE_DEGC
@@ -205,6 +228,13 @@ def simulate(bench: Bench = Bench(), run: Run = Run(), seed: int = 0) -> WholePl
         deepest = [min(of_plot[: k + 1, 0]) for k in range(len(plots))]
         mV = mV + truth.yields * (of_plot[0, 0] - np.array(deepest))[plot]
         mV = mV + truth.day * np.sin(2 * np.pi * (hours + 5.0) / 24.0) + truth.warming * np.exp(-hours / WARMS_H)
+        mV = mV + truth.thin / (1.0 + p / CARRIES_PSIA * 295.0 / (at[:, 0] + 273.15))
+        mV = mV + truth.squeezed * _compressed(p, waits, first) * (at[:, 0] + 273.15) / 295.0
+        mV = mV - truth.rubs * _bristles(p)
+        mV = mV - truth.rail * SOFTLY_PSIA * np.log1p(np.exp((p - STOP_PSIA) / SOFTLY_PSIA))
+        mV = mV + truth.backlash * _play(of_plot[:, 0])[plot]
+        mV = mV + truth.seeps * np.cumsum(np.diff(hours, prepend=0.0) * 2.0 ** (a / DOUBLED_DEGC))
+        mV = mV * (1.0 + bench.supply_settles * np.exp(-(hours - hours[0]) / AGES_H))
         mV = mV * (1.0 + bench.supply_per_h * (hours - hours.mean()) + bench.supply_per_degC * b)
         noise = rng.standard_t(5, n) / np.sqrt(5 / 3) if bench.long_tails else rng.standard_normal(n)
         if bench.remembered:
@@ -236,6 +266,43 @@ def _behind(p: np.ndarray, waits: np.ndarray, first: np.ndarray, tau_h: float) -
     for i in range(p.size):
         state = p[i] if first[i] else p[i] + (state - p[i]) * np.exp(-waits[i] / tau_h)
         out[i] = state - p[i]
+    return out
+
+
+def _flowed(inside: float, outside: float, wait: float, steps: int = 400) -> float:
+    """Pressure in a tube after a wait, by small steps of the flow: dp/dt = (P^2 - p^2) / 2."""
+    for _ in range(steps):
+        rate = (outside**2 - inside**2) / 2.0
+        inside = inside + rate * wait / steps / (1.0 + max(inside, outside) * wait / steps)
+    return inside
+
+
+def _compressed(p: np.ndarray, waits: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Logarithm of the compression that is still felt as heat."""
+    heat, out = 0.0, np.zeros_like(p)
+    for i in range(p.size):
+        heat = 0.0 if first[i] else (heat + np.log(p[i] / p[i - 1])) * np.exp(-waits[i] / COOLS_H)
+        out[i] = heat
+    return out
+
+
+def _bristles(p: np.ndarray) -> np.ndarray:
+    """Friction, by small steps of the way: it grows as long as bristles bend, and then slides."""
+    held, out = 0.0, np.zeros_like(p)
+    for i in range(1, p.size):
+        step = (p[i] - p[i - 1]) / 200.0
+        for _ in range(200):
+            held += (step - held * abs(step)) / BRISTLES_PSIA
+        out[i] = held
+    return out
+
+
+def _play(degC: np.ndarray) -> np.ndarray:
+    """What a joint with play is behind, -1 to 1."""
+    at, out = degC[0], np.zeros_like(degC)
+    for k, now in enumerate(degC):
+        at = min(max(at, now - BACKLASH_DEGC), now + BACKLASH_DEGC)
+        out[k] = (at - now) / BACKLASH_DEGC
     return out
 
 

@@ -87,6 +87,14 @@ HIDDEN: Mapping[str, Hidden] = {
     "glue yields in the cold": Hidden("thermal-ratchet", {"yields": 2e-3}, between=True),
     "follows the day": Hidden("daily-course", {"day": 0.05}, between=True),
     "warms up": Hidden("warm-up", {"warming": 0.1}, between=True),
+    "gas cools the bridge": Hidden("gas-cooling", {"thin": 2e-2}),
+    "gas is warmed by compression": Hidden("compression-heat", {"squeezed": 3e-3}),
+    "friction that turns": Hidden("hysteresis", {"rubs": 5e-3}),
+    "rail is soft": Hidden("saturation", {"rail": 2e-2}),
+    "joint with play": Hidden("thermal-hysteresis", {"backlash": 0.1}, between=True),
+    "gas through glass": Hidden("whole-plot-drift", {"seeps": 4e-3}, between=True),
+    "supply settles": Hidden("excitation", line={"supply_settles": 1e-3}),
+    "thin tube": Hidden("carry-over", line={"tube_h": 0.1}),
     "leak": Hidden("line-leak", line={"leak_per_h": 8e-3}, run={"uneven": 0.6}),
 }
 

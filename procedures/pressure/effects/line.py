@@ -9,6 +9,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Alias, Signed
 from rig.fitter.effects.manual_changes import resized_by
 from rig.fitter.effects.sizes import by_term, each, micro
+from rig.procedures.pressure.effects.keeps import in_a_tube
 from rig.procedures.pressure.effects.manual_changes import OTHER_GAUGE
 from rig.procedures.pressure.effects.scene import (
     AT_EASE,
@@ -19,11 +20,14 @@ from rig.procedures.pressure.effects.scene import (
     fixed,
     settling,
 )
+from rig.procedures.pressure.effects.slowly import size, slowly
 
 BORES_MM = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Searched bores of the line: in wider ones a cold end has no visible effect."""
 SETTLES_H = (0.01, 0.03)
 """Searched time constants of a line, visible if readings wait for unequal times."""
+IN_TUBES_H = (0.01, 0.03, 0.1)
+"""The same at the lowest pressure, of thin tubes, in which a time constant is as the inverse of the pressure."""
 HIGHEST_M = 30.0
 """Maximum height difference of a line."""
 
@@ -32,6 +36,13 @@ _CHECKED = "have the pressure controller checked before and after"
 
 def _transpiration(bore_mm: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
     return f"transpiration(P, T_sensor, {bore_mm:g} mm)", lambda scene: scene.transpiration(bore_mm)
+
+
+def _in_a_tube(tau_h: float) -> PressureTerm:
+    def column(tau_h: float) -> Callable[[PressureScene], FloatArray]:
+        return lambda scene: in_a_tube(scene, tau_h)
+
+    return PressureTerm(f"P({tau_h:g}h at the lowest)-P", column(tau_h), constant=(tau_h, column))
 
 
 _BEND = by_term(lambda name: each(f"psi/{name.replace('P', 'psi')}"))
@@ -49,7 +60,7 @@ CARRY_OVER = _OF_LINE(
     separate_by=AT_EASE,
     usual_size="1e-3 of the step, where settling is short",
     known_aliases={"creep": Alias("with a single transducer", SECOND_GAUGE)},
-    terms=fixed(("P_before-P", lambda s: -s.change_psia), *map(settling, SETTLES_H)),
+    terms=fixed(("P_before-P", lambda s: -s.change_psia), *map(settling, SETTLES_H), *map(_in_a_tube, IN_TUBES_H)),
     signed=Signed("share of the pressure before", +1, "a line that goes beyond the pressure it was set to"),
     searched=True,
     dynamic=True,
@@ -90,11 +101,11 @@ REFERENCE_DRIFT = _OF_LINE(
     name="reference-drift",
     cause="the pressure controller's own gain drifts through the run",
     unit="psi/psi/h",
-    size=micro("ppm/h"),
+    size=size("ppm/h", "ppm"),
     against="elapsed_s",
     separate_by=_CHECKED,
     usual_size="1 ppm/h",
-    terms=fixed(("P*time", lambda s: s.p * s.hours)),
+    terms=lambda data: slowly("P", lambda s: s.p, data, "psi/psi"),
     manual_changes=(resized_by(OTHER_GAUGE),),
 )
 LINE_LEAK = _OF_LINE(

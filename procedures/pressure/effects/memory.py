@@ -10,6 +10,7 @@ import numpy as np
 from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Alias
 from rig.fitter.effects.sizes import by_term, each, micro
+from rig.procedures.pressure.effects.keeps import compressed, dragged, dragged_by
 from rig.procedures.pressure.effects.scene import (
     AT_EASE,
     SOAK,
@@ -27,6 +28,11 @@ CREEPS_H = (0.05, 0.15, 0.5, 1.5)
 
 RECOVERS_H = (6.0, 20.0)
 """Searched: faster ones are over in the next whole plot, slower ones outlast a run."""
+
+COOLS_H = (0.02, 0.06)
+"""Searched: how long gas stays warm."""
+TURNS = (0.05, 0.15, 0.4)
+"""Shares of a range after which friction has turned: less is a side, more is a slope."""
 
 _TWICE = "visit a pressure twice in a whole plot, once from below and once from above, by steps of different height"
 
@@ -58,6 +64,11 @@ def _lag(name: str, step: Callable[[PressureScene], FloatArray]) -> Callable[...
 _LAGGING = by_term(lambda name: micro(f"nV{'/psi' if name.startswith('P*') else ''} per degC of the step"))
 """Every coefficient in nanovolts per degree of the step, and per psi if the sensitivity lags."""
 
+
+def _dragged(share: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
+    return f"side, turned after {share:g} of the range", lambda scene: dragged(scene, share)
+
+
 _WITHIN = partial(PressureEffect, scope="sensor", stratum="subplot")
 """A transducer errs within whole plots."""
 
@@ -77,6 +88,7 @@ HYSTERESIS = _WITHIN(
     terms=fixed(
         ("side*loop(P)", lambda s: s.data.pressure_side * s.loop),
         ("side", lambda s: np.asarray(s.data.pressure_side, np.float64)),
+        *map(_dragged, TURNS),
     ),
 )
 HYSTERESIS_TEMPERATURE = _WITHIN(
@@ -160,6 +172,18 @@ def _displaced(side: float, tau_h: float) -> tuple[str, Callable[[PressureScene]
     return text, lambda scene: scene.displaced(scene.data.sensor_temperature_degC, side, tau_h)
 
 
+def _warmed(tau_h: float) -> PressureTerm:
+    def column(tau_h: float) -> Callable[[PressureScene], FloatArray]:
+        return lambda scene: compressed(scene, tau_h)
+
+    return PressureTerm(f"ln(P/P_before)*exp(-t/{tau_h:g}h)", column(tau_h), constant=(tau_h, column))
+
+
+def _held_warm(share: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
+    text = f"side of T_sensor, turned after {share:g} of its range"
+    return text, lambda scene: dragged_by(scene, scene.data.sensor_temperature_degC, share)
+
+
 THERMAL_HYSTERESIS = PressureEffect(
     name="thermal-hysteresis",
     cause="the offset remembers which temperatures came before: a visit to the cold (or to the warm) end displaces it, "
@@ -172,8 +196,25 @@ THERMAL_HYSTERESIS = PressureEffect(
     against="elapsed_s",
     separate_by="repeat one pair of temperatures right after the coldest one, after the warmest one, and hours later",
     usual_size="5e-4 of the range",
-    terms=fixed(*(_displaced(side, tau_h) for side in (-1.0, 1.0) for tau_h in RECOVERS_H)),
+    terms=fixed(
+        *(_displaced(side, tau_h) for side in (-1.0, 1.0) for tau_h in RECOVERS_H),
+        *map(_held_warm, TURNS[1:]),
+    ),
     searched=True,
+)
+COMPRESSION_HEAT = _WITHIN(
+    name="compression-heat",
+    cause="gas that is compressed by a step of pressure is warm, gas let out is cold, and it warms the transducer "
+    "until the walls have taken the heat",
+    source="line",
+    unit="mV",
+    size=each("mV for a step to 2.7 times the pressure"),
+    against="previous_pressure_psia",
+    separate_by=AT_EASE,
+    usual_size="1e-4 of the range",
+    terms=fixed(*map(_warmed, COOLS_H)),
+    searched=True,
+    dynamic=True,
 )
 THERMAL_RATCHET = PressureEffect(
     name="thermal-ratchet",

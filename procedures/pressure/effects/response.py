@@ -14,7 +14,7 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Alias
 from rig.fitter.effects.sizes import Size, by_term, each, micro
 from rig.procedures.pressure.data import WholePlotData
-from rig.procedures.pressure.effects.scene import TIMES_WARM, PressureEffect, PressureScene, PressureTerm
+from rig.procedures.pressure.effects.scene import ROOM_K, TIMES_WARM, PressureEffect, PressureScene, PressureTerm
 
 _MORE_PRESSURES = "read more pressures between those of the design, up and down, at one temperature"
 _MORE_TEMPERATURES = (
@@ -82,13 +82,6 @@ PRESSURE_SQUARED = _smooth(
     unit="mV/psi^2",
     usual_size="1e-3 of the range",
 )
-PRESSURE_CUBED = _smooth(
-    "pressure-third-order",
-    "the output has a term in the cube of the pressure",
-    ("P^3", lambda s: s.p**3),
-    unit="mV/psi^3",
-    usual_size="5e-4 of the range",
-)
 PRESSURE_SQUARED_TEMPERATURE = _smooth(
     "pressure-squared-temperature",
     "the bend of the output with pressure follows a temperature",
@@ -137,8 +130,12 @@ BENDS = (0.08, 0.16, 0.3)
 """Searched shares of the highest pressure: where a bend of low pressures is half over."""
 BANDS = (0.02, 0.05, 0.1, 0.2)
 """Searched shares of the highest pressure: where a transducer begins to answer."""
-ENDS = (0.5, 0.7, 0.85)
+ENDS = (0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9)
 """Searched shares of the highest pressure: from where on the sensitivity is smaller."""
+SOFT = 0.03
+"""Share of the highest pressure over which it becomes so, where it does softly."""
+THIN = (0.05, 0.2, 0.6)
+"""Searched shares of the highest pressure: where gas cools half as well as a dense one."""
 KNEES = (0.2, 0.35, 0.5, 0.65, 0.8)
 """Searched shares of the range of a temperature: where the offset or the sensitivity turns."""
 
@@ -166,6 +163,24 @@ def _end(share: float, most: float) -> PressureTerm:
     return PressureTerm(f"P beyond {at:.3g} psi", lambda scene: np.asarray(np.maximum(scene.p - at, 0.0)))
 
 
+def _soft_end(share: float, most: float) -> PressureTerm:
+    at, width = share * most, SOFT * most
+    return PressureTerm(
+        f"P softly beyond {at:.3g} psi", lambda scene: width * np.logaddexp(0.0, (scene.p - at) / width)
+    )
+
+
+def _cooled(share: float, most: float, power: float = 1.0) -> PressureTerm:
+    at = share * most
+
+    def column(scene: PressureScene) -> FloatArray:
+        dense = scene.p / at * ROOM_K / scene.kelvin
+        return np.asarray(1.0 / (1.0 + np.maximum(dense, 0.0) ** power))
+
+    how = "conduction" if power == 1.0 else "convection"
+    return PressureTerm(f"{how}, half at {at:.3g} psi", column)
+
+
 def _each_of(
     shares: tuple[float, ...], term: Callable[[float, float], PressureTerm]
 ) -> Callable[[WholePlotData], tuple[PressureTerm, ...]]:
@@ -177,6 +192,35 @@ def _each_of(
 
     return terms
 
+
+STIFFENS = (0.2, 1.0)
+"""Tension of a stretched membrane over its stiffness, at the highest pressure."""
+
+
+def _stretched(ratio: float, most: float) -> PressureTerm:
+    """Deflection of a membrane that stretches, z + ratio z^3 = P: a cube of the pressure only where that is small."""
+
+    def column(scene: PressureScene) -> FloatArray:
+        half = scene.p / most / (2.0 * ratio)
+        root = np.sqrt(half**2 + 1.0 / (27.0 * ratio**3))
+        return np.asarray(np.cbrt(half + root) + np.cbrt(half - root))
+
+    return PressureTerm(f"membrane stretched {ratio:g} times", column, unit="mV")
+
+
+PRESSURE_CUBED = PressureEffect(
+    name="pressure-third-order",
+    cause="the output has a term in the cube of the pressure: a membrane that stretches",
+    source="sensor",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV/psi^3",
+    size=by_term(lambda name: each("mV/psi^3" if name == "P^3" else "mV")),
+    against="pressure_psia",
+    separate_by=_MORE_PRESSURES,
+    usual_size="5e-4 of the range",
+    terms=lambda data: (PressureTerm("P^3", lambda s: s.p**3, "P^3"), *_each_of(STIFFENS, _stretched)(data)),
+)
 
 _BENDING = by_term(lambda name: micro("nV per degC") if name.endswith("T_sensor") else each("mV"))
 """Every coefficient in millivolts, or for a degree in nanovolts."""
@@ -212,6 +256,21 @@ DEAD_BAND = PressureEffect(
     terms=_each_of(BANDS, _band),
     searched=True,
 )
+GAS_COOLING = PressureEffect(
+    name="gas-cooling",
+    cause="the bridge is warm by its own current, and warmer in thin gas, which cools it less: the zero follows it",
+    source="line",
+    scope="sensor",
+    stratum="subplot",
+    unit="mV",
+    size=each("mV from vacuum to dense gas"),
+    against="pressure_psia",
+    separate_by="halve the supply of the bridge: what its own heat does is then a quarter",
+    usual_size="1e-4 of the range",
+    terms=lambda data: (*_each_of(THIN, _cooled)(data), *_each_of(THIN, partial(_cooled, power=0.5))(data)),
+    searched=True,
+    manual_changes=(),
+)
 SATURATION = PressureEffect(
     name="saturation",
     cause="the sensitivity is smaller near the end of the range: a stop is near, or the amplifier saturates",
@@ -223,7 +282,7 @@ SATURATION = PressureEffect(
     against="pressure_psia",
     separate_by=_MORE_PRESSURES,
     usual_size="1e-3 of the sensitivity",
-    terms=_each_of(ENDS, _end),
+    terms=lambda data: (*_each_of(ENDS, _end)(data), *_each_of(ENDS, _soft_end)(data)),
     searched=True,
 )
 

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from rig.fitter.arrays import FloatArray
+from rig.fitter.arrays import FloatArray, IntArray
 from rig.fitter.effects.entry import Entry
 from rig.fitter.effects.manual_changes import ByHand
 from rig.fitter.errors import FitError
@@ -147,6 +147,21 @@ class PressureScene:
         return missing
 
     @property
+    def kelvin(self) -> FloatArray:
+        """(n,) absolute temperature of the transducers, K."""
+        return np.maximum(self.data.sensor_temperature_degC + _ZERO_DEGC_K, 1.0)
+
+    @property
+    def since_begun(self) -> FloatArray:
+        """(n,) part of the run that is over."""
+        return np.asarray((self.hours - self.begun_h) / max(self.run_h, np.finfo(float).tiny))
+
+    @cached_property
+    def run_h(self) -> float:
+        """How long the run took, h."""
+        return float(np.ptp(self.hours))
+
+    @property
     def weight_per_m(self) -> FloatArray:
         """(n,) error of the pressure for every metre of air between reference and transducers, psi.
 
@@ -171,21 +186,20 @@ class PressureScene:
         """(n,) pressure difference that drives air into the line, psi."""
         return AMBIENT_PSIA - self.p
 
+    def in_turn(self, values: FloatArray) -> tuple[FloatArray, IntArray]:
+        """(W,) mean over each whole plot in the order of running, and (n,) the place of each row's in it."""
+        order = self.mean(self.data.order.astype(np.float64))
+        _, first, in_time = np.unique(order, return_index=True, return_inverse=True)
+        return self.mean(values)[first], np.asarray(in_time, np.int64)
+
     def step(self, temperature: FloatArray) -> FloatArray:
         """(n,) change of a temperature from the previous whole plot to this one, degC; zero in the first."""
-        mean = self._mean(temperature)
-        _, first, in_time = np.unique(
-            self._mean(self.data.order.astype(np.float64)), return_index=True, return_inverse=True
-        )
-        return np.diff(mean[first], prepend=mean[first[0]])[in_time]
+        each, in_time = self.in_turn(temperature)
+        return np.diff(each, prepend=each[0])[in_time]
 
     def extreme(self, temperature: FloatArray, side: float) -> FloatArray:
         """(n,) lowest (`side` -1) or highest (+1) temperature up to this whole plot, minus that of the first, degC."""
-        mean = self._mean(temperature)
-        _, first, in_time = np.unique(
-            self._mean(self.data.order.astype(np.float64)), return_index=True, return_inverse=True
-        )
-        each = mean[first]
+        each, in_time = self.in_turn(temperature)
         return np.asarray((side * np.maximum.accumulate(side * each) - each[0])[in_time])
 
     def displaced(self, temperature: FloatArray, side: float, tau_h: float) -> FloatArray:
@@ -199,7 +213,7 @@ class PressureScene:
             tau_h: time constant of the recovery, h.
 
         """
-        mean, index = self._mean(temperature), self.data.whole_plot_index
+        mean, index = self.mean(temperature), self.data.whole_plot_index
         half = max(float(np.ptp(mean)) / 2.0, np.finfo(float).tiny)
         depth = np.clip(2.0 * side * (mean - float(mean.max() + mean.min()) / 2.0) / half, 0.0, 1.0)
         count = int(index.max()) + 1
@@ -222,7 +236,7 @@ class PressureScene:
             tau_h: with which it fades, h.
 
         """
-        mean, index = self._mean(value), self.data.whole_plot_index
+        mean, index = self.mean(value), self.data.whole_plot_index
         count = int(index.max()) + 1
         begun, own = np.full(count, np.inf), np.zeros(count)
         np.minimum.at(begun, index, self.hours)
@@ -246,7 +260,7 @@ class PressureScene:
         a, b, c = _NITROGEN
         return self.p * (np.sqrt(cold / ROOM_K) - 1.0) / (1.0 + a * x**2 + b * x + c * np.sqrt(x))
 
-    def _mean(self, values: FloatArray) -> FloatArray:
+    def mean(self, values: FloatArray) -> FloatArray:
         """(n,) mean over the whole plot of each row."""
         index = self.data.whole_plot_index
         return (np.bincount(index, values) / np.bincount(index))[index]

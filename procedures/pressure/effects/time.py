@@ -11,7 +11,9 @@ from rig.fitter.arrays import FloatArray
 from rig.fitter.effects.entry import Alias
 from rig.fitter.effects.sizes import by_term, each, micro
 from rig.procedures.pressure.data import WholePlotData
+from rig.procedures.pressure.effects.keeps import aged
 from rig.procedures.pressure.effects.scene import SOAK, PressureEffect, PressureScene, PressureTerm, fixed
+from rig.procedures.pressure.effects.slowly import DAY_H, daily, size, slowly
 
 MOMENTS = 24
 """Maximum number of times tried for an unrecorded step."""
@@ -25,7 +27,7 @@ _REPEAT_FIRST = "repeat the first whole plots at the end of the run"
 _EARLIER = "repeat a few whole plots of the earlier block"
 
 
-_SUPPLY = by_term(lambda name: micro("ppm/h" if name == "V*time" else "ppm/degC"))
+_SUPPLY = by_term(lambda name: micro("ppm/degC") if name == "V*T_SSE" else size("ppm/h", "ppm"))
 """Every coefficient in ppm per unit of its variable."""
 
 
@@ -81,6 +83,14 @@ OFFSET_STEP = _IN_TIME(
     usual_size="whatever the interruption did",
     terms=_recorded("", lambda s: np.ones_like(s.p)),
 )
+ACTIVATIONS_EV = (0.2, 0.5)
+"""Of seals, glue and glass, through which gas and water go; and of what reacts."""
+
+
+def _aging(activation_eV: float) -> tuple[str, Callable[[PressureScene], FloatArray]]:
+    return f"time, faster when warm by {activation_eV:g} eV", lambda s: aged(s, activation_eV)
+
+
 ORDER_DRIFT = _IN_TIME(
     name="whole-plot-drift",
     cause="the offset drifts through the run, from whole plot to whole plot",
@@ -90,7 +100,7 @@ ORDER_DRIFT = _IN_TIME(
     size=micro("nV/h"),
     separate_by=_REPEAT_FIRST,
     usual_size="1e-3 mV/h",
-    terms=fixed(("time", lambda s: s.hours)),
+    terms=fixed(("time", lambda s: s.hours), *map(_aging, ACTIVATIONS_EV)),
 )
 SUBPLOT_DRIFT = PressureEffect(
     name="subplot-drift",
@@ -111,13 +121,13 @@ SENSITIVITY_DRIFT = _IN_TIME(
     source="time",
     stratum="subplot",
     unit="mV/psi/h",
-    size=micro("nV/psi/h"),
+    size=size("nV/psi/h", "nV/psi"),
     separate_by=_REPEAT_FIRST,
     usual_size="1e-5 of the sensitivity per h",
     known_aliases={
         "reference-drift": Alias("with a single transducer", "have the pressure controller checked before and after")
     },
-    terms=fixed(("P*time", lambda s: s.p * s.hours)),
+    terms=lambda data: slowly("P", lambda s: s.p, data, "mV/psi"),
 )
 SENSITIVITY_STEP = _IN_TIME(
     name="sensitivity-step",
@@ -158,14 +168,13 @@ SENSITIVITY_STEP_UNRECORDED = _IN_TIME(
     terms=lambda data: _unrecorded("P ", lambda s: s.p, data),
     searched=True,
 )
-DAY_H = 24.0
 WARMS_UP_H = (1.5, 5.0)
 """Searched: of the electronics and of a room."""
 
 
 def _daily(data: WholePlotData) -> tuple[PressureTerm, ...]:
     """Waves of one day, if the run is as long as that: over a part of one they are a drift."""
-    if float(np.ptp(data.elapsed_s)) < 3600.0 * DAY_H:
+    if not daily(data):
         return ()
     return (
         PressureTerm("cos(time of day)", lambda s: np.cos(2.0 * np.pi * s.hours / DAY_H)),
@@ -207,7 +216,7 @@ EXCITATION = PressureEffect(
     source="voltmeter",
     scope="voltmeter",
     stratum="subplot",
-    unit="1/h, 1/degC",
+    unit="1/h",
     size=_SUPPLY,
     against="elapsed_s",
     separate_by="record the supply's voltage, and read a fixed bridge with the transducers",
@@ -218,8 +227,8 @@ EXCITATION = PressureEffect(
         ),
         "sensitivity-drift": Alias("with a single transducer", "record the supply's voltage through the run"),
     },
-    terms=lambda _data: (
-        PressureTerm("V*time", lambda s: s.hours, unit="1/h"),
+    terms=lambda data: (
+        *slowly("V", lambda s: np.ones_like(s.p), data, "1"),
         PressureTerm("V*T_SSE", lambda s: s.sse, unit="1/degC"),
     ),
     at_most=5e-3,
