@@ -32,9 +32,6 @@ class RegistersTwin(Behaviour):
             setattr(self.registers, attribute, banks[table])
         every: list[tuple[str, Ask | Tell]] = [*self.table.asks(), *self.table.tells()]
         for place, one in every:
-            if isinstance(one.decimals, int):
-                code = partial(places_of(one).__getitem__, 0)
-                banks["holding"].add(one.decimals - wire.first_register, Register("uint16", False, code, None))
             key = self._key(one)
             if key not in known or known[key][0] == "identity":
                 known[key] = place, one
@@ -45,6 +42,11 @@ class RegistersTwin(Behaviour):
             put = partial(self._written, key) if key in self._tells else None
             register = Register(kind, wire.word_order == "little", partial(self._now, place, one), put)
             banks[key[0]].add(key[1], register)
+        for _, one in every:  # the register of its decimals, unless it is asked for itself
+            at = one.decimals - wire.first_register if isinstance(one.decimals, int) else -1
+            if at >= 0 and known.get(("holding", at), ("identity",))[0] == "identity":
+                code = partial(places_of(one).__getitem__, 0)
+                banks["holding"].add(at, Register("uint16", False, code, None))
         super().__init__(name, options, world, plant, serial)
 
     def _key(self, one: Ask | Tell) -> tuple[str, int]:
