@@ -273,12 +273,13 @@ class Remembering(Declared):
 
 
 def _asks_for(check: Ask, command: Tell) -> bool:
-    """Whether a question asks for what a command sets, by its register or its first word."""
+    """Whether a question asks for what a command sets, by its register, or its first word and what it names."""
     if command.register_ is not None or command.tell is None:
         groups = (("coil", "discrete"), ("holding", "input"))  # bits, and words, may be read by another function
         return check.register_ == command.register_ and any({check.table, command.table} <= set(one) for one in groups)
-    first = command.tell.replace("=", " ").split()[:1]
-    return [part.strip(":").casefold() for part in first] == [(check.ask or "").strip(":?").casefold()]
+    first, (asked, *named) = command.tell.replace("=", " ").split()[:1], (check.ask or "").split() or [""]
+    same = [part.strip(":").casefold() for part in first] == [asked.strip(":?").casefold()]
+    return same and all(one in command.tell for one in named)
 
 
 def _talk(table: Instrument, name: str, address: str, options: Any, wires: Wires, clock: Clock) -> Talk:

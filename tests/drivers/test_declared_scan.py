@@ -125,3 +125,13 @@ def test_channels_of_a_bench_file_are_checked(options, said):
 def test_a_file_that_makes_no_sense_is_refused(before, after, said):
     with pytest.raises(ValueError, match=said):
         parse(SCANNER.replace(before, after))
+
+
+def test_a_setting_of_a_list_of_channels_is_read_back_by_its_question():
+    text = SCANNER.replace('prepare = "VOLT', 'prepare = "SPAN').replace('prepare = "TEMP', 'prepare = "PROBE')
+    it = DeclaredBench(text, more=CHANNELS)
+    assert it.it.unwatched()[0].startswith("whether a command was refused")
+    assert "what SCAN (1,2,3,5,6,7) set (check)" not in it.it.unwatched()
+    assert not [one for one in it.it.unwatched() if "SPAN" in one or "PROBE" in one]
+    assert [one.asked for one in it.it.compared()] == [one.said for one in it.it.table.check]
+    it.close()
