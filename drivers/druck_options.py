@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from importlib.resources import files
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from rig.drivers.wires import SerialOptions
+from rig.drivers.declared import driver_of
 
 Positive = Annotated[float, Field(gt=0)]
 
 
-class PaceOptions(SerialOptions):
+FILE: Any = driver_of(files("rig.drivers").joinpath("druck_pace.toml").read_text(encoding="utf-8"), own=False)
+"""The class of its file: identity, errors, mark, line."""
+
+
+class PaceOptions(FILE.Options):  # type: ignore[misc]  # made of its file
     """Options of this instrument in the bench file."""
 
     slew_psi_per_s: Positive = Field(0.1, description="rate of pressure changes")
@@ -30,8 +35,6 @@ class PaceOptions(SerialOptions):
     )
     control_range: str | None = Field(None, description="name of the control range; default: the selected one")
     module: Literal[1, 2] = Field(1, description="control module; 2 only in a PACE6000")
-    baud: Literal[2400, 4800, 9600, 19200, 38400, 57600, 115200] = Field(9600, description="symbols per second")
-    frame: Literal["8N1", "7E1", "7O1", "8E1", "8O1"] = Field("8N1", description="data bits, parity, stop bits")
     timeout_s: Positive = Field(2.0, description="maximum wait for a reply")
 
     @model_validator(mode="after")

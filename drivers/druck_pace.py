@@ -1,26 +1,25 @@
 """Druck PACE5000 and PACE6000 pressure controllers, on serial or TCP (`socket://host:5025`).
 
-Commands are from the SCPI manual K0472, issue 1 and revision A. `rig.drivers.druck_scpi` sends them, and
-`rig.drivers.druck_measures` interprets the numbers.
+Commands are from the SCPI manual K0472, issue 1 and revision A. Identity, errors, mark and answers are those of a file,
+`druck_pace.toml`; `rig.drivers.druck_measures` interprets the numbers.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from rig.drivers.clock import Clock
-from rig.drivers.driver import ContractFile, Medium
 from rig.drivers.druck_measures import Measures, Scale
-from rig.drivers.druck_options import PaceOptions
-from rig.drivers.druck_scpi import SYNC, PaceScpi
+from rig.drivers.druck_options import FILE, PaceOptions
+from rig.drivers.druck_scpi import PaceScpi
 from rig.drivers.errors import BadReply, InstrumentError, LimitError, NotReady, WrongInstrument
 from rig.drivers.kept import not_kept
 from rig.drivers.numbers import decimal
 from rig.drivers.roles import Identity, PressureState
 from rig.drivers.scpi import PREPARED
-from rig.drivers.wires import SerialSettings, Wires
+from rig.drivers.wires import Wires
 
 _READBACK = 1e-5  # relative: settings are sent with seven digits
 _PRESSURE_READBACK_PSI = 2e-5  # chosen: some of the last printed digits of a setpoint
@@ -32,7 +31,7 @@ _VENT_S = 60.0  # for the vent itself, in addition to the slew
 _POLL_S = 1.0  # chosen; a vent takes a minute
 
 
-class DruckPACE:
+class DruckPACE(FILE):  # type: ignore[misc]  # made of its file
     """One control module of the controller; satisfies `rig.drivers.roles.PressureController`, `Restartable` and
     `SelfChecking`.
 
@@ -48,25 +47,14 @@ class DruckPACE:
 
     """
 
-    wire: ClassVar[Medium] = "serial"
-    contracts: ClassVar[tuple[ContractFile, ...]] = ()
+    speaks_unasked: ClassVar[bool] = False
     Options = PaceOptions
 
     def __init__(self, name: str, address: str, options: PaceOptions, wires: Wires, clock: Clock) -> None:
-        self.name = name
-        self._options = options
-        self._clock = clock
-        settings = SerialSettings(
-            options.baud,
-            options.frame,
-            options.flow_at(address),
-            send_end=options.send_end,
-            reply_end=options.reply_end,
-            timeout_s=options.timeout_s,
-            sync=SYNC,
-        )
-        self._line = wires.serial(address, settings, name)
-        self._pace = PaceScpi(self._line)
+        wire = FILE.table.wire.model_copy(update={"timeout_s": options.timeout_s})
+        self.table: Any = FILE.table.model_copy(update={"wire": wire})
+        super().__init__(name, address, options, wires, clock)
+        self._pace, self._line = PaceScpi(self._talk), self._talk.line
         self._measures = Measures(self._pace, self._line.where, options)
         self._source, self._sense = self._measures.source, self._measures.sense
         self._output, self._mode = (f":OUTP{'' if options.module == 1 else 2}:{what}" for what in ("STAT", "MODE"))
@@ -83,16 +71,10 @@ class DruckPACE:
 
     def identify(self) -> Identity:
         """Ask for the identity. Raises `WrongInstrument` for another model, `NoReply` without an answer."""
-        answer = self._pace.ask("*IDN?")
-        parts = [part.strip() for part in answer.split(",")]
-        model = next((m for m in ("PACE5000", "PACE6000") if len(parts) == 4 and m in parts[1].upper()), None)
-        if model is None or "DRUCK" not in parts[0].upper():
-            raise WrongInstrument(
-                f"{self._line.where} should be a Druck PACE5000 or PACE6000; it answers {answer!r} to *IDN?"
-            )
-        if self._options.module == 2 and model == "PACE5000":
+        found: Identity = super().identify()
+        if self._options.module == 2 and found.model == "PACE5000":
             raise WrongInstrument(f"{self._line.where} is a PACE5000, which has no module 2")
-        return Identity(parts[0], model, parts[2], parts[3])
+        return found
 
     def prepare(self) -> None:
         """Set unit, slew and in-limits band, and read them back. A controlled pressure does not change.
@@ -103,7 +85,7 @@ class DruckPACE:
                 range, barometer and pressure contradict its unit.
         """
         options, source = self._options, self._source
-        self._pace.forget_errors()
+        self._talk.forget_errors()
         self._set_unit()
         if options.control_range is not None:
             self._pace.send(f'{source}:RANG "{options.control_range}"')
@@ -121,14 +103,6 @@ class DruckPACE:
         self._kept[f"{source}:RANG?"] = self._measures.accept_range()
         self._pace.send(f"*ESE {PREPARED}")
         self._pace.check("*ESE?", PREPARED, 0.0)
-
-    def restarted(self) -> bool:
-        """Whether it has been powered up since `prepare` last ran.
-
-        It is known by the mark that `prepare` sets: the power-on bit of *ESR? is reserved and always 0 in these
-        instruments.
-        """
-        return self._pace.number("*ESE?") != PREPARED
 
     def wrong(self) -> Sequence[str]:
         """Settings that are not as declared: unit, control range, slew, in-limits band, setpoint, mode of control and
@@ -229,7 +203,7 @@ class DruckPACE:
         Raises:
             NotReady: pressure is trapped in the line.
         """
-        self._pace.forget_errors()
+        self._talk.forget_errors()
         self._pace.send(f"{self._measures.unit} PSI")  # this is valid in every setting
         self.vent()
         state = self._state(self._measures.scale())
@@ -241,10 +215,6 @@ class DruckPACE:
         self._control_off()
         for words in self._trapped(state.pressure_psia):
             raise NotReady(f"{self._line.where}: {words}")
-
-    def close(self) -> None:
-        """Release the wire; idempotent."""
-        self._line.close()
 
     # Control
 

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 from rig.drivers.errors import DriverError, InstrumentError
-from rig.drivers.numbers import decimal, whole
-from rig.drivers.wires import SerialLine
+from rig.drivers.numbers import decimal
 from rig.drivers.wires.line import Line
 
 _READBACK = 1e-6  # relative: answers are printed with eight decimals
@@ -36,35 +35,6 @@ Interface = Literal["rs232", "gpib"]
 """Interface of the instrument itself, whatever carries the text to it."""
 
 INTERFACE = "rs232, also behind a serial server, or gpib"
-
-
-def raise_errors(line: SerialLine, ask: Callable[[], str], most: int, question: str = "SYST:ERR?") -> None:
-    """Empty an instrument's error queue.
-
-    Args:
-        line: for messages.
-        ask: reads and removes the oldest error of the queue: a number, a comma and a quoted text, number 0 for none.
-        most: maximum length of the queue.
-        question: the query, for messages.
-
-    Raises:
-        InstrumentError: the first error, the others in its text.
-        BadReply: an answer that is not an error.
-    """
-    found: list[tuple[int, str]] = []
-    while len(found) <= most:
-        answer = ask()
-        code, _, text = answer.partition(",")
-        try:
-            number = whole(code)
-        except ValueError:
-            raise line.bad_reply(question, answer, 'code,"text"') from None
-        if number == 0:
-            break
-        found.append((number, text.strip().strip('"')))
-    if found:
-        (first, words), *others = found
-        raise InstrumentError(line.where, first, words + "".join(f"; then {c} {t}" for c, t in others))
 
 
 def forget_errors(raise_errors: Callable[[], None], line: Line) -> None:

@@ -62,6 +62,7 @@ class Instrument(Strict):
     sources: Texts = Field((), description="manuals, with page or chapter of each claim")
     tried: Annotated[tuple[Tried, ...], Field(description="how it was tried")] = ()
     unconfirmed: Texts = Field((), description="what no source states")
+    in_python: bool = Field(False, description="its role is in Python, in a class that inherits from that of this file")
     scpi: bool = Field(
         False, description="it has *IDN?, SYST:ERR? and *ESE, so that identity, errors and mark may be left out"
     )
@@ -244,7 +245,7 @@ class Instrument(Strict):
             yield "model is missing"
         if self.identity is None:
             yield f"identity is missing: {WHERE['identity']}"
-        if self.reader is None and self.source is None:
+        if self.reader is None and self.source is None and not self.in_python:
             yield "a role is missing: [reader] if it measures, [source] if it sets something"
         reader, source = self.reader, self.source
         if reader is not None:

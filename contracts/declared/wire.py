@@ -54,6 +54,11 @@ class Wire(Strict):
     done: Ask | None = Field(
         None, description="question that it answers once a command that prepares it has been carried out: `*OPC?`"
     )
+    headers: Texts | None = Field(
+        None,
+        description="an answer may repeat the header of its question, `:SOUR:PRES 5`, and no other; ends of headers "
+        "that it may spell out, or []",
+    )
     echo: bool = Field(False, description="it sends every line back before its answer")
     preamble: tuple[str, ...] = Field(
         (), description="lines before all others, and whenever another instrument has used the wire: `++addr 9`"

@@ -107,8 +107,10 @@ class Declared:
             except BadReply:
                 raise WrongInstrument(f"{self._where} should be a {wanted}: {error}") from None
         fields = {"maker": table.maker, "model": table.model[0], "serial": "", "firmware": "", **found.fields}
+        said = fields["model"].casefold()
+        fields["model"] = next((one for one in table.model if one.casefold() == said), fields["model"])
         same = fields["model"] in table.model or table.any_model
-        same = same and table.maker in ("", fields["maker"])
+        same = same and (not table.maker or f" {table.maker} ".casefold() in f" {fields['maker']} ".casefold())
         if asked.is_ is not None:
             same = same and self._talk.agree(found, asked.is_)
         echoed = bool(asked.ask) and (asked.ask or "").upper() in found.printed.upper()

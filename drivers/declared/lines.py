@@ -10,6 +10,7 @@ from rig.contracts.declared.forms import Form
 from rig.contracts.declared.instrument import Instrument
 from rig.contracts.declared.sums import Frame
 from rig.drivers.clock import Clock
+from rig.drivers.declared.headers import same_header
 from rig.drivers.declared.known_lines import sync_of
 from rig.drivers.declared.talk import Talk
 from rig.drivers.errors import BadReply
@@ -70,7 +71,7 @@ class LinesTalk(Talk):
                 settings.frame,  # type: ignore[arg-type]  # the schema has the same list
                 settings.flow,
                 send_end=wire.send_end.encode("ascii") if settings.send_end is None else settings.send_end,
-                reply_end=(wire.reply_end or wire.send_end).encode("ascii")[-1:],
+                reply_end=(wire.reply_end.encode("ascii") or settings.send_end or wire.send_end.encode("ascii"))[-1:],
                 timeout_s=wire.timeout_s,
                 sync=None if self._shared or wire.echo or wire.request != "{line}" else sync_of(table),
                 encoding="latin-1" if wire.by_frame else table.encoding,
@@ -144,7 +145,7 @@ class LinesTalk(Talk):
         self._begin()
         if self._bare and frame is None:
             found = self.line.query_lines(line, lines, timeout_s, repeat=repeat)
-            return found[0] if lines == 1 else " ".join(found)
+            return self._headless(line, found[0] if lines == 1 else " ".join(found))
         sent = self.table.wire.with_reads(self._framed(line, frame), lines)
         if not self.table.wire.echo:
             whole = partial(self._whole, lines=lines) if self.table.wire.by_frame else None
@@ -154,7 +155,17 @@ class LinesTalk(Talk):
             first, *found = self.line.query_lines(sent, lines + 1, timeout_s, repeat=repeat)
             if first != sent.strip():
                 raise self.line.bad_reply(sent, first, "the line itself: it echoes")
-        return " ".join(self._unframed(sent, one) for one in found)
+        return self._headless(line, " ".join(self._unframed(sent, one) for one in found))
+
+    def _headless(self, question: str, answer: str) -> str:
+        """An answer without the header that it repeats. Raises `BadReply` if that is of another question."""
+        ends, (header, _, value) = self.table.wire.headers, answer.partition(" ")
+        if ends is None or header[:1] not in (":", "*"):  # it can be told to leave headers out
+            return answer
+        asked = question.removesuffix("?")
+        if not same_header(asked, header, ends):
+            raise self.line.bad_reply(question, answer, f"{asked} and a value")
+        return value.strip()
 
     def _nothing_more(self, question: str, raw: str, lines: int = 1) -> None:
         """Raise `BadReply` if more comes after the first answer to a question: it would answer the next one.

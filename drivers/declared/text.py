@@ -279,11 +279,12 @@ class TextTalk(LinesTalk):
         for _ in range(_MOST_ERRORS if errors.queue else 1):
             raw = self._query(errors.ask, 1, None, repeat=False)
             fields = next((f for form in self._errors if (f := form.read(raw)) is not None), None)
-            if fields is None:
+            code = (fields or {}).get("code", "")
+            odd = errors.none.isdecimal() and code not in errors.codes and "." in code  # readings, and not an error
+            if fields is None or odd:
                 raise self.line.bad_reply(errors.ask, raw, f"an answer as in {errors.answer[0]!r}")
             if self.watches:
                 self._nothing_more(errors.ask, raw)
-            code = fields.get("code", "")
             if errors.bits:
                 mask = int(code) if code.lstrip("+").isdecimal() else 0
                 words = [text for bit, text in errors.bits.items() if mask >> int(bit) & 1]

@@ -38,7 +38,7 @@ class LinesTwin(Behaviour):
         self.frame = str(options.get("frame", wire.frame))
         self._parameters: Mapping[str, str | float] = self.table.parameters
         self._send_end = ENDS.get(str(options.get("line_end", "")), wire.send_end.encode("ascii"))
-        self._reply_end = (wire.reply_end or wire.send_end).encode("ascii")
+        self._reply_end = wire.reply_end.encode("ascii") or self._send_end
         self._frames = wire.frames(self._parameters)
         self._utf8 = self.table.encoding == "utf-8"
         every = [*(ask.frame for _, ask in self.table.asks()), *(tell.frame for _, tell in self.table.tells())]
@@ -176,6 +176,9 @@ class LinesTwin(Behaviour):
         if found is None:
             return
         answer, after_s = found
+        said = answer
+        if self.table.wire.headers is not None and line.endswith("?"):
+            answer = lambda: f"{line[:-1]} {said if isinstance(said, str) else said()}"  # noqa: E731
         sent = partial(self._send, answer, tx, session, self._count_of_lines(line))
         if after_s > 0:
             self._free = self.world.now() + after_s

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from serial_bench import plug_in, wires
 
+from rig.drivers.declared.headers import same_header
 from rig.drivers.druck_measures import full_scale_psi, reference_of
 from rig.drivers.druck_pace import DruckPACE
-from rig.drivers.druck_scpi import _same_header
 from rig.drivers.errors import BadReply, InstrumentError, LimitError, NoReply, NotReady, WrongInstrument
 from rig.drivers.roles import PressureController, Restartable, SelfChecking
 from rig.sims.physics.pressure_line import ATMOSPHERE_PSIA, LineTruth, PressureLine
@@ -344,6 +344,10 @@ def test_gauge_pressures_without_barometer_need_the_atmosphere_given(monkeypatch
     given.pace.set_pressure(5.0)
 
 
+def _same_header(asked, echoed):
+    return same_header(asked, echoed, DruckPACE.table.wire.headers)
+
+
 def test_an_answer_about_another_module_or_source_is_none_of_ours():
     assert _same_header(":SOUR:PRES:COMP1", ":SOUR:PRES:COMP1")
     assert not _same_header(":SOUR:PRES:COMP1", ":SOUR:PRES:COMP2")
@@ -365,7 +369,7 @@ def test_line_ends_are_those_of_the_bench(end):
 @pytest.mark.parametrize(("set_to", "sent"), [("cr", "lf"), ("crlf", "lf"), ("crlf", "cr"), ("lf", "cr")])
 def test_a_controller_set_to_another_line_end_does_not_answer(set_to, sent):
     rig = Rig(hardware={"line_end": set_to}, line_end=sent)
-    with pytest.raises(NoReply, match=r"answered nothing to ':SYST:VERS\?' within 2 s"):
+    with pytest.raises(NoReply, match=r"answered nothing to '\*IDN\?' within 2 s"):
         rig.pace.identify()
 
 
