@@ -16,10 +16,10 @@ from typing import Any
 from rig.bench.plugins import driver_class
 from rig.drivers.clock import Clock
 from rig.drivers.declared import driver_of
-from rig.drivers.errors import LimitError, NotReady
+from rig.drivers.errors import InstrumentError, LimitError, NotReady
 from rig.drivers.kept import not_kept
 from rig.drivers.numbers import whole
-from rig.drivers.scpi import PREPARED, agrees, raise_errors
+from rig.drivers.scpi import PREPARED, agrees
 from rig.drivers.watlow_f4t import WatlowF4T
 from rig.drivers.wires import SerialSettings, Wires
 from rig.sims.bench import SimBench
@@ -47,7 +47,9 @@ class Meter:
         self._line.device_clear("\x03", with_dtr=True)
 
     def _raise_errors(self) -> None:
-        raise_errors(self._line, lambda: self._line.query("SYST:ERR?", repeat=False), 21)
+        answer = self._line.query("SYST:ERR?", repeat=False)
+        if code := whole(answer.partition(",")[0]):
+            raise InstrumentError(self._line.where, code, answer)
 
     def prepare(self) -> None:
         """Reset it, send its settings one by one, and read them back."""

@@ -145,7 +145,8 @@ class LinesTalk(Talk):
         self._begin()
         if self._bare and frame is None:
             found = self.line.query_lines(line, lines, timeout_s, repeat=repeat)
-            return self._headless(line, found[0] if lines == 1 else " ".join(found))
+            answer = found[0] if lines == 1 else " ".join(found)
+            return answer if self.table.wire.headers is None else self._headless(line, answer)
         sent = self.table.wire.with_reads(self._framed(line, frame), lines)
         if not self.table.wire.echo:
             whole = partial(self._whole, lines=lines) if self.table.wire.by_frame else None
