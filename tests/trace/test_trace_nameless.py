@@ -10,7 +10,7 @@ from strangers_tables import table
 
 import rig
 from proving.truth.attitude import D1, simulate
-from proving.truth.attitude_hidden import CLEAN
+from proving.truth.attitude_hidden import CLEAN, sized, together
 from rig.fitter.trace.flexible import Block, evidence, orders_of, remainders, turns, waves
 from rig.fitter.trace.lines import CLEAR, line
 from rig.procedures.attitude.effects.steps import OFFSET_STEP_UNRECORDED
@@ -111,6 +111,14 @@ def test_a_gear_beside_an_index_error_is_doubtful(tmp_path):
         assert {one["effect"] for one in sensor["effects"]} >= {"gear-pitch", "index-error"}
         assert all(one["doubtful"] for one in sensor["effects"])
         assert sensor["verdict"] == "partly explained"
+
+
+def test_a_drift_beside_a_daily_course_is_doubtful_before_the_day_has_come_back():
+    """Of one quantity they follow any slow course together: a crane that parks above the hall was both, undoubted."""
+    data, _ = simulate(together([sized("tilt, time", 1.0, PLAN), sized("tilt, day", 1.0, PLAN)]), PLAN, seed=3)
+    for sensor in trace(data, validate=False).sensors.values():
+        assert {effect.effect for effect in sensor.added} == {"tilt-drift", "tilt-daily"}
+        assert all("found together" in (effect.doubtful or "") for effect in sensor.added)
 
 
 SIX = D1(180, 13, 13, replications=6)

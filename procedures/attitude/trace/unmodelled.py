@@ -12,7 +12,7 @@ from scipy import special
 
 from rig.fitter import ties
 from rig.fitter.arrays import FloatArray
-from rig.fitter.trace.doubts import DOUBT, something_left
+from rig.fitter.trace.doubts import DOUBT, PERIODS, something_left
 from rig.fitter.trace.drawn import drawn, drawn_at
 from rig.fitter.trace.flexible import Block, Remainder, evidence, evidence_of, rough_turns, turns
 from rig.fitter.trace.lines import CLEAR, Line, lines
@@ -29,6 +29,7 @@ from rig.procedures.attitude.trace.score import errors, rounding
 from rig.procedures.attitude.trace.view import View
 from rig.procedures.attitude.trace.walks import SPREAD, likelihood_ratio
 
+DAY_H = 24.0
 SEEN = 6.0
 """Nats of evidence within replications, below which the evidence for an effect is mainly between them."""
 DRAWS, SEED = 24, 1
@@ -226,12 +227,18 @@ class UnmodelledSmooth(Unmodelled):
         return something_left(fine.where, fine.p) if fine is not None and fine.p < CLEAR else why
 
     def over_one(self, group: Group) -> Iterator[tuple[str, str]]:
-        """Pairs of errors of the head over one angle, if one has a searched constant."""
+        """Pairs of errors of the head over one angle, if one has a searched constant; and a drift and a daily course
+        of one quantity, as long as the day has not come back: together they follow any slow course.
+        """
         effects = {c.effect.name: c.effect for c in self.candidates if c.effect.name in group.names}
+        days = float(np.ptp(self.problem.scene.hours())) / DAY_H
         for one, other in combinations(group.names, 2):
             first, second = effects[one], effects[other]
-            same = (first.source, first.against) == (second.source, second.against)
-            if same and first.stratum == second.stratum == "between-point" and (first.searched or second.searched):
+            if (first.source, first.against) != (second.source, second.against):
+                continue
+            of_head = first.stratum == second.stratum == "between-point" and (first.searched or second.searched)
+            in_time = first.source == "time" and first.scope == second.scope and days < PERIODS
+            if of_head or (in_time and first.unit.removesuffix("/h") == second.unit.removesuffix("/h")):
                 yield one, other
 
     def values_of(self, name: str) -> int:
