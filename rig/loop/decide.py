@@ -9,7 +9,7 @@ from typing import Any
 
 from rig.bench.bench_file import playing
 from rig.drivers.roles import ByHand, Typing
-from rig.fitter.confirm import NOTHING, Confirmation, lasting
+from rig.fitter.confirm import NOTHING, Confirmation, Question, lasting
 from rig.procedures.plan.further_runs import Variation
 from rig.procedures.plan.settings import LoopSettings
 from rig.procedures.present.durations import duration
@@ -18,6 +18,7 @@ from rig.run_file.events.loops import LoopDecided, LoopForPerson
 from rig.runs.forecast import ALLOWANCE
 from rig.verbs.confirm import Confirmed, First, Proposal, consider, following, propose
 from rig.verbs.confirm.proposal import HARDLY, LIKELY
+from rig.verbs.confirm.proposals import MANY
 
 PARKING_H = 0.1
 """Time left for parking and evaluation after the last run, hours."""
@@ -117,6 +118,16 @@ def open_words(first: First) -> str:
     return "; ".join(parts)
 
 
+def not_fewer(first: First, question: Question) -> bool:
+    """Whether a question has many explanations, and the further runs have excluded none of them.
+
+    Such a run was planned to exclude most of them, whichever is true. It is then no better known than before what to
+    look for, and the night would go by with runs like it.
+    """
+    before = next((len(one.members) for one in first.questions if one.effect == question.effect), 0)
+    return len(question.members) > MANY and len(question.members) >= before
+
+
 def decide(
     first: First,
     told: Confirmed | None,
@@ -147,6 +158,9 @@ def decide(
         return Decision(None, f"no question is open: {verdicts}", settled=settled)
     assert asked is not None  # there are questions
     words = open_words(asked)
+    if told is not None and all(not_fewer(first, question) for question in asked.questions):
+        why = f"{words}; the further runs leave as many explanations as before, which no run of the bench tells apart"
+        return Decision(None, f"{why}: what was found is near the noise, or none of them", settled)
     alone = all(sum(not member.near for member in one.members) == 1 for one in asked.questions)
     if bounds.stop_when == "explained" and alone:
         return Decision(

@@ -320,6 +320,27 @@ def test_why_no_further_run_is_made(bounds: Any, left: Any, why: str, first: Any
     assert re.search(why, decision.why), decision.why
 
 
+@pytest.mark.parametrize(("before", "now", "goes_on"), [(13, 13, False), (14, 13, True), (12, 12, True)])
+def test_a_question_of_many_explanations_takes_no_second_run_if_the_first_excludes_none(
+    before: int, now: int, goes_on: bool, first: Any, night: CrashedLoop, evaluations: Evaluations, monkeypatch: Any
+):
+    """Before, three runs were made for a chance effect with 24 explanations, 6 times the hours of the design twice."""
+    with night.watched():
+        told = judge(first, *open_program(night.path).further)
+    (question,) = first.questions
+
+    def having(count: int) -> Any:
+        members = (*question.members, *([replace(question.members[0], effect="another")] * count))[:count]
+        return replace(first, questions=(replace(question, members=members),))
+
+    monkeypatch.setattr("rig.loop.decide.following", lambda _, alone: having(now))
+    decision = decide(having(before), told, BOUNDS, AMPLE, lambda _, **how: evaluations.consider(first, **how))
+    assert (decision.run is not None) is goes_on
+    if not goes_on:
+        assert "the further runs leave as many explanations as before" in decision.why
+        assert not decision.for_person
+
+
 def test_the_best_run_that_the_bench_makes_alone_is_made_and_others_are_left_to_a_person(
     first: Any, evaluations: Evaluations
 ):
