@@ -34,14 +34,15 @@ def t_of(df: float, level: float = LEVEL) -> float:
 
 
 @lru_cache(maxsize=64)
-def widening(df: float, more: float, looks: int, first: int, level: float = LEVEL) -> float:
-    """Factor of Student's t of an interval that holds in spite of looking after every replication; at least 1.
+def widening(df: float, more: float, looks: int, first: float, level: float = LEVEL) -> float:
+    """Factor of Student's t of an interval that holds in spite of looking after every replication, or after every part
+    of one that is added; at least 1.
 
     Args:
         df: degrees of freedom at the first look.
-        more: degrees of freedom that every further replication adds.
+        more: degrees of freedom that every further replication, or part, adds.
         looks: maximum number of looks.
-        first: number of replications at the first look.
+        first: number of replications, or parts, at the first look.
         level: stated coverage.
     """
     if looks < 2:
@@ -55,7 +56,7 @@ def widening(df: float, more: float, looks: int, first: int, level: float = LEVE
     return high
 
 
-def _ended(df: float, more: float, looks: int, first: int, level: float) -> list[FloatArray]:
+def _ended(df: float, more: float, looks: int, first: float, level: float) -> list[FloatArray]:
     """Half-widths by t at the end, over the true standard error: a list over goals, from easy to unreachable ones.
 
     A run stops at the first look at which the half-width is at most the goal, or at the last one.

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg.lapack import dpocon, dpstrf
 
 from rig.fitter import ties
 from rig.fitter.arrays import FloatArray, IntArray
@@ -14,6 +15,8 @@ from rig.fitter.gross.rows import Rows
 
 LONE = 1e-6
 """A row with no larger share in its residual cannot be checked."""
+TOGETHER = 1e-10
+"""Rows whose block of the residual maker has a smaller reciprocal condition cannot be left out together."""
 GIANT = 1e4
 """Standard deviations beyond which a row's deviation is taken out of sums of squares. It is named in any case."""
 ONE = 0.8
@@ -212,9 +215,15 @@ def without(rows: Rows, out: IntArray) -> tuple[IntArray, FloatArray, float]:
     e = rows.residual
     if not out.size:
         return out, e, float(e @ e)
-    if not _determined(block := rows.block(out)):
+    block, least = rows.block(out), LONE
+    if not _determined(block):
         out = out[_free(block)]
         block = rows.block(out)
+    while out.size and not _determined(block):
+        out = out[_largest(block, least)]
+        block, least = rows.block(out), 100.0 * least
+    if not out.size:
+        return out, e, float(e @ e)
     off = cho_solve(cho_factor(block, lower=True), e[out])
     left = e - rows.spread(out, off)
     # Summed, not the difference of two sums: beside a row at 1e9 standard deviations nothing would remain of it.
@@ -226,13 +235,17 @@ def without(rows: Rows, out: IntArray) -> tuple[IntArray, FloatArray, float]:
 
 def _determined(block: FloatArray) -> bool:
     """Whether each row keeps some of its share in its residual when those before it are left out, by their (k, k)
-    rows and columns of the residual maker.
+    rows and columns of the residual maker; and all of them together do.
     """
     try:
-        pivots = np.diag(np.linalg.cholesky(block)) ** 2
+        factor = np.linalg.cholesky(block)
     except np.linalg.LinAlgError:
         return False
-    return bool(np.min(pivots) > LONE)
+    if np.min(np.diag(factor)) ** 2 <= LONE:
+        return False
+    # Many rows may each keep a share, and together none: settings from 0.005 to 1000 without those above 0.01.
+    reciprocal, _ = dpocon(factor, np.linalg.norm(block, 1), uplo="L")
+    return bool(reciprocal > TOGETHER)
 
 
 def _free(block: FloatArray) -> IntArray:
@@ -250,3 +263,11 @@ def _free(block: FloatArray) -> IntArray:
             factor[m, :m], factor[m, m] = row, np.sqrt(pivot)
             free.append(i)
     return np.array(free, np.int64)
+
+
+def _largest(block: FloatArray, least: float) -> IntArray:
+    """The same with the largest pivots first, each above `least`: in the order of the rows small shares can add up
+    unseen, until the last pivots are rounding.
+    """
+    _, order, rank, _ = dpstrf(block, tol=least, lower=1)
+    return np.sort(order[:rank] - 1)
