@@ -269,5 +269,7 @@ def _largest(block: FloatArray, least: float) -> IntArray:
     """The same with the largest pivots first, each above `least`: in the order of the rows small shares can add up
     unseen, until the last pivots are rounding.
     """
+    if np.max(np.diag(block)) <= least:  # LAPACK takes the first pivot, however small
+        return np.zeros(0, np.int64)
     _, order, rank, _ = dpstrf(block, tol=least, lower=1)
     return np.sort(order[:rank] - 1)

@@ -52,6 +52,7 @@ class AttitudeConfirming(Confirming):
     drawn = UNIT, SCALE
     counts = 12, 13, 15, 17, 19, 21, 24, 27, 30, 34, 38, 43, 48, 54, 60, 68, 76, 86, 96, 108, 120
     passes = 1, 2, 4
+    least_added = 12  # each replication has an alignment of its own
 
     def own_words(self, *, realigned: bool) -> str:
         """Parameters estimated from the further run itself for its prediction, in words; "" if there are none."""

@@ -136,6 +136,9 @@ class Confirming(ABC):
     counts: ClassVar[Sequence[int]] = ()
     """Numbers of units that are tried if a run's points are chosen, ascending."""
 
+    least_added: ClassVar[int] = 1
+    """Minimum number of units of points that are added to the run, as one with it."""
+
     passes: ClassVar[Sequence[int]] = (1,)
     """Numbers of replications of chosen points that are tried."""
 

@@ -137,6 +137,12 @@ class GoalSettings(Strict):
         None, ge=2, le=1000, description="replications of the first run, before the first look; default: its own"
     )
     most_replications: int = Field(30, ge=2, le=1000, description="maximum number of replications")
+    add: Literal["replications", "points"] = Field(
+        "replications",
+        description="what is added until the goal is met: whole replications; or points, a quarter of those of "
+        "a replication at once, or one whole plot, at the settings that by the declared formula tell most of the "
+        "aimed values, until there are as many as in most_replications",
+    )
 
     @field_validator("deadline")
     @classmethod

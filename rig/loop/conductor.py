@@ -22,6 +22,7 @@ from rig.loop.decide import Considers, Decision, Left, decide, decided
 from rig.loop.ends import Ending, Told, began, each_h, ended, not_made
 from rig.loop.evaluation import Evaluation, with_left_over
 from rig.loop.findings import found_by_first, found_by_later
+from rig.loop.goal import Next
 from rig.loop.program import SUFFIX, LoopRun, Program
 from rig.loop.replications import GoalStep, for_a_name, for_goal, procedure_with
 from rig.loop.timeline import EVALUATION_S, Timeline
@@ -254,12 +255,23 @@ class Conductor:
                 self._anew(step.decision)
             return True
         after, more = len(program.runs), step.more
-        said = LoopDecided(after=after, next="segment" if more else "trace", why=step.why, left_h=round(left_h, 3))
+        said = LoopDecided(
+            after=after, next="trace" if more is None else "segment", why=step.why, left_h=round(left_h, 3)
+        )
         if more is None:
             self.record(said)
             return False
-        self.record(said, self._replications(more, 1))
+        number = procedure.replications + program.replications + 1
+        self.record(said, self._replications(number, 1) if more.run is None else self._points(more, number))
         return True
+
+    def _points(self, more: Next, number: int) -> LoopRunPlanned:
+        """A run of the best points for the goal, one with the first run."""
+        assert more.run is not None  # by the caller
+        procedure = procedure_with(more.run.procedure, seed=self.plan.procedure.seed + number, goal=None)
+        what = f"{more.what} for the goal, {self.first.confirming.size(procedure)}"
+        text = procedure_text(procedure, routine=more.run.routine)
+        return replace(self._planned(what, more.hours, text), segment=True)
 
     def _replications(self, number: int, count: int) -> LoopRunPlanned:
         """A run of so many further replications, one with the first run; the first of them has this number."""

@@ -7,6 +7,8 @@ of replications; where that is above the goal, no further one is made.
 
 from __future__ import annotations
 
+import contextlib
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,9 +19,12 @@ import numpy as np
 
 from rig.bench.config import BenchConfig
 from rig.bench.contract_files import bench_of_run
-from rig.errors import ConfigurationError, UsageError
+from rig.by_kind import fit_table
+from rig.errors import ConfigurationError, RigError, UsageError
 from rig.fitter.budget import Budgeted, TypeA, budgets
+from rig.fitter.errors import FitError
 from rig.fitter.sequential import widening
+from rig.procedures.errors import DataError
 from rig.procedures.evaluate.confirming import ConfirmedFit
 from rig.procedures.evaluate.stated import Statements
 from rig.procedures.kinds import kind_of_table
@@ -57,20 +62,104 @@ class Aim:
     least: float = 0.0
     by: str = ""
 
+    @property
+    def over(self) -> float:
+        """Its variance by scatter, over what the goal allows."""
+        allowed = self.goal**2 - self.least**2
+        return (self.half**2 - self.least**2) / allowed if allowed > 0.0 else math.inf
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A coefficient or parameter of one sensor."""
+
+    sensor: str
+    name: str
+    value: float
+    stderr: float
+    df: float
+    goal: float
+
+    @property
+    def of(self) -> str:
+        """The sensor, behind the name."""
+        return f" of {self.sensor}" if self.sensor else ""
+
+
+def estimates(goal: GoalSettings, fitted: Mapping[str, Any]) -> Iterator[Estimate]:
+    """The named coefficients and parameters of every sensor that has them, of a fit as JSON.
+
+    Raises:
+        UsageError: no sensor has one of them.
+    """
+    sensors: Mapping[str, Any] = fitted.get("sensors") or {str(fitted.get("response", "")): fitted}
+    for name, sigma in goal.sigma.items():
+        found = [
+            Estimate(sensor, name, float(one["estimate"]), float(one["stderr"]), float(one["df"]), sigma)
+            for sensor, of in sensors.items()
+            for group in ("parameters", "coefficients")
+            if isinstance(one := (of.get(group) or {}).get(name), Mapping) and one.get("stderr") is not None
+        ]
+        if not found:
+            known = sorted(
+                {key for of in sensors.values() for g in ("parameters", "coefficients") for key in of.get(g) or {}}
+            )
+            raise UsageError(f"goal.sigma.{name}: no sensor has such a value; known: {', '.join(known)}")
+        yield from found
+
 
 @dataclass(frozen=True)
 class Made:
-    """Replications that were made.
+    """Replications that were made, and points that were added.
 
     Attributes:
+        goal: of the procedure.
         segments: files of the first run, of its further replications, and of runs that are one with it.
         first: number of replications of the first of them.
-        count: number of all replications.
+        replications: number of all replications.
+        points: number of points added beside them.
+        of_replication: number of points of a replication.
+        part: part of a replication that is added at once.
     """
 
+    goal: GoalSettings
     segments: Sequence[Path]
     first: int
-    count: int
+    replications: int
+    points: int = 0
+    of_replication: float = 1.0
+    part: float = 1.0
+
+    @property
+    def count(self) -> float:
+        """Number of replications that have as many points."""
+        return self.replications + self.points / self.of_replication
+
+    @property
+    def said(self) -> str:
+        """How many there are, in words."""
+        return f"{self.replications} replications{f' and {self.points} points' if self.points else ''}"
+
+    def wider(self, df: float) -> float:
+        """Factor of an interval that holds in spite of looking; `df` at the first look."""
+        looks = round((self.goal.most_replications - self.first) / self.part) + 1
+        more = round(max(df / self.first, 1.0) * self.part, 1)
+        return widening(round(df, 1), more, looks, self.first / self.part)
+
+    def values(self, table: Table) -> dict[str, float]:
+        """By name, the values of a table that tell of the aimed ones: the coefficients, and outputs at the points."""
+        found: dict[str, float] = {}
+        if self.goal.sigma:
+            found |= {f"{one.name}{one.of}": one.value for one in estimates(self.goal, fit_table(table).to_json())}
+        if self.goal.prediction or self.goal.U:
+            with contextlib.suppress(RigError, DataError, FitError):
+                results = _budgeted(_alone(table, _bench(self.segments[0])), self.goal, None).evaluation.results
+                outputs = (
+                    (name, float(value)) for name, value in zip(results.names, results.values, strict=True)
+                    if " output" in name
+                )  # fmt: skip
+                found |= dict(outputs)
+        return found
 
     @cached_property
     def start(self) -> Table:
@@ -105,13 +194,11 @@ class _Sort:
         return None
 
 
-def of_results(goal: GoalSettings, made: Made, looks: int, model: ConfirmedFit | None = None) -> Iterator[Aim]:
+def of_results(made: Made, model: ConfirmedFit | None = None) -> Iterator[Aim]:
     """Goals of expanded uncertainties and of predictions.
 
     Args:
-        goal: of the procedure.
         made: the replications so far.
-        looks: maximum number of looks.
         model: the calibration with the causes that further runs settled; None for the declared model.
 
     Raises:
@@ -119,18 +206,18 @@ def of_results(goal: GoalSettings, made: Made, looks: int, model: ConfirmedFit |
         ConfigurationError: the register of equipment cannot be used.
         DataError: there are no budgets of this kind, or a point cannot be used.
     """
-    evaluated, first = None if model is None else model.evaluation, made.first
+    evaluated, goal = None if model is None else model.evaluation, made.goal
     if goal.U:
         now = _with_register(made.segments)
         before = now if len(made.segments) == 1 else _with_register(made.segments[:1])
         sort = _Sort("U", goal.U, "with the register")
-        yield from _aims(sort, goal, (before, now), first, looks, evaluated)
+        yield from _aims(sort, made, (before, now), evaluated)
     if goal.prediction:
         bench = _bench(made.segments[0])
         now, before = _alone(made.table, bench), _alone(made.start, bench)
         names = {f"{sensor} output": half for sensor, half in goal.prediction.items()}
         sort = _Sort("prediction", names, "by the scatter of the run alone")
-        yield from _aims(sort, goal, (before, now), first, looks, evaluated)
+        yield from _aims(sort, made, (before, now), evaluated)
 
 
 def check_goal(goal: GoalSettings, documents: Mapping[str, str]) -> None:
@@ -162,16 +249,9 @@ def _alone(table: Table, bench: BenchConfig) -> OfRun:
     return OfRun(table, kind, bench, Register(), Statements(), (), KnownConditions())
 
 
-def _aims(
-    sort: _Sort,
-    goal: GoalSettings,
-    runs: tuple[OfRun, OfRun],
-    first: int,
-    looks: int,
-    evaluated: Evaluated | None,
-) -> Iterator[Aim]:
+def _aims(sort: _Sort, made: Made, runs: tuple[OfRun, OfRun], evaluated: Evaluated | None) -> Iterator[Aim]:
     """Aims of one sort; the runs are those at the first look and now."""
-    of = runs[1]
+    of, goal = runs[1], made.goal
     now = _budgeted(of, goal, evaluated)
     fewer = _df(now if runs[0] is of else _budgeted(runs[0], goal, None))
     names = now.evaluation.results.names
@@ -182,8 +262,7 @@ def _aims(
         raise UsageError(f"goal.{sort.key}: no result is named {', '.join(lacking)}; known: {', '.join(every)}")
     factors = np.ones(len(names))
     for j in aimed:
-        df = float(fewer[j])
-        factors[j] = widening(round(df, 1), round(max(df / first, 1.0), 1), looks, first)
+        factors[j] = made.wider(float(fewer[j]))
     replicated = {one.name for one in of.stated.errors if one.behaves == "replication"}
     wide = _again(now, [_scaled(now.type_a[0], factors**2), *now.type_a[1:]])
     least = _again(now, [_left(now), *(_without_fit(one) for one in now.type_a[1:] if one.name not in replicated)])

@@ -52,11 +52,11 @@ class Stake:
     without: FloatArray
     effects: tuple[str, ...]
 
-    def error(self, count: int, more: int = 0, run: Proposal | None = None) -> float:
+    def error(self, count: float, more: int = 0, run: Proposal | None = None) -> float:
         """Expected error over the goal, rms, of the value that is farthest from its goal.
 
         Args:
-            count: number of replications so far.
+            count: number of replications so far; of points, what the observations so far are worth.
             more: further replications.
             run: a further run.
         """
@@ -65,7 +65,7 @@ class Stake:
         scatter = np.maximum(scatter - self.least**2, 0.0) * count / (count + more)
         return float(np.sqrt(np.max((scatter + self.least**2 + (1.0 - chances) @ self.shift**2) / self.goal**2)))
 
-    def gain_per_h(self, count: int, run: Proposal) -> float:
+    def gain_per_h(self, count: float, run: Proposal) -> float:
         """Part of the error that a further run takes away, by forecast, per hour of its bench time."""
         return (1.0 - self.error(count, 0, run) / self.error(count)) / run.hours
 
@@ -166,12 +166,14 @@ class HoursLeft:
         goal_h: to the end of the time for replications.
         each_h: bench time of one more replication.
         needed: further replications that meet the goal, by forecast.
+        what: what a replication is called: also points may be added.
     """
 
     loop_h: float
     goal_h: float
     each_h: float
     needed: int
+    what: str = "replication"
 
     def replications(self, *, before_h: float = 0.0, beside_h: float = 0.0) -> int:
         """Number of needed replications that there is time for, after a run and beside one that follows."""
@@ -179,7 +181,7 @@ class HoursLeft:
         return max(0, min(self.needed, int(left / (self.each_h * (1.0 + ALLOWANCE)))))
 
 
-def planned(stake: Stake, count: int, run: Proposal, left: HoursLeft, *, returns: bool = True) -> HourPlan:
+def planned(stake: Stake, count: float, run: Proposal, left: HoursLeft, *, returns: bool = True) -> HourPlan:
     """Where the next hour helps most.
 
     If the hours with the run end with a smaller error than those without it, the one comes first that takes more from
@@ -199,10 +201,11 @@ def planned(stake: Stake, count: int, run: Proposal, left: HoursLeft, *, returns
     now, with_run, without = stake.error(count), stake.error(count, beside, run), stake.error(count, alone)
     run_per_h, by_one = stake.gain_per_h(count, run), 1.0 - stake.error(count, 1) / now
     why = (
-        f"by forecast one more replication takes {_percent(by_one)} from the error of the aimed values "
+        f"by forecast one more {left.what} takes {_percent(by_one)} from the error of the aimed values "
         f"({by_one / left.each_h:.2g} per hour), and a further run, {run.variation.what}, {run.size}, "
         f"{duration(3600.0 * run.hours)}, {_percent(run_per_h * run.hours)} ({run_per_h:.2g} per hour); at the end it "
-        f"would be {with_run:.2g} of the goal with the run and {_more(beside)}, {without:.2g} with {_more(alone)} alone"
+        f"would be {with_run:.2g} of the goal with the run and {_more(beside, left.what)}, {without:.2g} with "
+        f"{_more(alone, left.what)} alone"
     )
     if with_run >= without:
         return HourPlan(False, f"{why}: the goal has the time")
@@ -210,11 +213,12 @@ def planned(stake: Stake, count: int, run: Proposal, left: HoursLeft, *, returns
         later = "the run would pass their deadline" if returns else "somebody changes the bench in the run"
         return HourPlan(False, f"{why}: replications come first, because {later}")
     first = beside == 0 or run_per_h > by_one / left.each_h
-    return HourPlan(first, f"{why}: {'the run' if first else 'a replication'} comes first")
+    return HourPlan(first, f"{why}: {'the run' if first else f'a {left.what}'} comes first")
 
 
-def _more(count: int) -> str:
-    return f"{count} more replication{'' if count == 1 else 's'}"
+def _more(count: int, what: str) -> str:
+    head, of, tail = what.partition(" of ")
+    return f"{count} more {head}{'' if count == 1 else 's'}{of}{tail}"
 
 
 def _percent(part: float) -> str:

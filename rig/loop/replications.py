@@ -1,19 +1,21 @@
-"""Further replications of a loop's first run: one after the other for its goal, or many at once for a name."""
+"""Further replications or points of a loop's first run: one by one for its goal, or many at once for a name."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from rig.loop.best_points import Candidates, candidates, chosen_points
 from rig.loop.decide import PARKING_H, PERSON, Decision, Left, asks_somebody
 from rig.loop.ends import each_h
 from rig.loop.evaluation import Evaluation, left_over
-from rig.loop.goal import aims_by, looked
-from rig.loop.goal_of_results import Made
+from rig.loop.goal import Next, aims_by, looked
+from rig.loop.goal_of_results import Aim, Made
 from rig.loop.hours import HoursLeft, confirmed_model, open_questions, planned, stake
+from rig.loop.program import Program
 from rig.procedures.kind import Procedure
 from rig.procedures.plan.settings import GoalSettings
 from rig.procedures.present.durations import duration
@@ -24,12 +26,12 @@ class GoalStep:
     """The next step for a goal.
 
     Attributes:
-        more: number of the next replication; None if none is made.
+        more: the addition; None for none.
         why: reason, with numbers.
         decision: the further run that comes first; None if none does.
     """
 
-    more: int | None
+    more: Next | None
     why: str
     decision: Decision | None = None
 
@@ -62,9 +64,10 @@ def for_goal(
         RigError: the goal cannot be judged, or a file cannot be read; `DataError` and `FitError` likewise.
     """
     program, told = evaluation.program, evaluation.told
-    made = Made(program.segments, replications, replications + program.replications)
-    hours, last = each_h(program.runs, replications), program.runs[-1]
-    look = looked(goal, made, hours, left_h, None if told is None else confirmed_model(evaluation.first, told))
+    of = candidates(evaluation.first) if goal.add == "points" else None
+    made, last = made_by(goal, program, replications, 1.0 if of is None else of.part), program.runs[-1]
+    added = partial(_added, of, made, each_h(program.runs, replications))
+    look = looked(goal, made, added, left_h, None if told is None else confirmed_model(evaluation.first, told))
     if look.more is None:
         return GoalStep(None, look.why)
     if not last.complete:
@@ -75,13 +78,36 @@ def for_goal(
     asked = open_questions(first, told, alone=program.bounds.bounds.stop_when == "alone")
     if not asked:
         return GoalStep(look.more, look.why)
-    at_stake = stake(first, told, asked, partial(aims_by, goal, made))
-    further = decision(helps=partial(at_stake.gain_per_h, made.count))
+    at_stake, worth = stake(first, told, asked, partial(aims_by, made)), look.more.worth
+    further = decision(helps=partial(at_stake.gain_per_h, worth))
     if further.run is None:
         return GoalStep(look.more, look.why)
-    left = HoursLeft(loop_h - PARKING_H, left_h - PARKING_H, hours, look.needed)
-    plan = planned(at_stake, made.count, further.run, left, returns=not further.run.variation.person)
+    left = HoursLeft(loop_h - PARKING_H, left_h - PARKING_H, look.more.hours, look.needed)
+    left = left if look.more.run is None else replace(left, what="group of points")
+    plan = planned(at_stake, worth, further.run, left, returns=not further.run.variation.person)
     return GoalStep(look.more, f"{look.why}; {plan.why}", further if plan.run_next else None)
+
+
+def made_by(goal: GoalSettings, program: Program, replications: int, part: float) -> Made:
+    """The observations so far: `replications` in the first run, and `part` of one added at once."""
+    first = program.runs[0].ended
+    assert first is not None  # a goal is judged after the first run
+    of_replication = first.points / replications
+    more = [run.ended.points for run in program.runs if run.planned.segment and run.complete and run.ended is not None]
+    whole = [points for points in more if points == of_replication]
+    points = sum(more) - sum(whole)
+    return Made(goal, program.segments, replications, replications + len(whole), points, of_replication, part)
+
+
+def _added(of: Candidates | None, made: Made, each: float, aims: Sequence[Aim]) -> Next:
+    """The next addition: the best points, or a whole replication where they are not known."""
+    best = None if of is None else chosen_points(of, made, {aim.name: aim.over for aim in aims})
+    if best is None:
+        return Next(
+            "one more" if of is None else "one more replication, since no best points are known,", each, made.count
+        )
+    count = len(best.run.run_list)
+    return Next(f"{count} more points", best.hours, best.worth, count / made.of_replication, best.run)
 
 
 def for_a_name(decision: Decision, evaluation: Evaluation, procedure: Procedure, left_h: float) -> tuple[int, str]:

@@ -26,3 +26,11 @@ def test_rows_that_together_have_all_of_a_coefficient_are_not_all_left_out(repli
     fitted = np.linalg.lstsq(columns[kept], y[kept], rcond=1e-14)[0]
     assert rss == pytest.approx(float(np.sum((y[kept] - columns[kept] @ fitted) ** 2)), rel=1e-6)
     assert left[out] == pytest.approx(y[out] - columns[out] @ fitted, abs=3e-6)
+
+
+def test_a_row_that_alone_has_a_coefficient_is_left_out_by_nobody():
+    """Before, the search for rows that can be left out did not end."""
+    columns = np.column_stack([np.ones(6), [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+    rows = Rows(columns, np.arange(6.0), np.ones(6), np.full(6, -1))
+    out, _, _ = without(rows, np.array([5]))
+    assert out.size == 0

@@ -13,7 +13,7 @@ import rig
 from rig.engine.session import Signals
 from rig.errors import UsageError
 from rig.examples import example
-from rig.loop.goal import Look, looked
+from rig.loop.goal import Look, Next, looked
 from rig.loop.goal_of_results import Made
 from rig.procedures.plan.settings import GoalSettings
 from rig.runs.controller import start_run
@@ -35,7 +35,8 @@ INFERRED = "cell inferred force"
 
 
 def look(run: Path, **goal: Any) -> Look:
-    return looked(GoalSettings(**goal), Made([run], 3, 3), 0.5, 8.0)
+    settings = GoalSettings(**goal)
+    return looked(settings, Made(settings, [run], 3, 3), lambda _: Next("one more", 0.5, 3.0), 8.0)
 
 
 def test_an_expanded_uncertainty_is_a_goal_with_the_register(straight: Path):
