@@ -21,6 +21,7 @@ _NORMAL = 1.959964
 
 
 _ROUNDING = 1e-9
+_UNSEEN = " (by the model; an effect that these data are too few to show is not in this interval)"
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ def looked(
     worst = max(hopeless or aims, key=lambda one: one.half / one.goal)
     said = f"{worst.known}, the goal is +-{worst.goal:.2g}"
     if worst.half <= worst.goal:
-        return Look(None, f"the goal is met with {made.said}: {said}")
+        return Look(None, f"the goal is met with {made.said}: {said}{_UNSEEN}")
     if hopeless:
         return Look(
             None,

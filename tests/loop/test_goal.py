@@ -64,6 +64,7 @@ def met(tmp_path_factory: pytest.TempPathFactory) -> Program:
 
 def test_replications_are_added_until_the_goal_is_met(met: Program):
     assert why(met).startswith("the goal is met with 3 replications: input_V of meter_V is known to +-")
+    assert why(met).endswith("(by the model; an effect that these data are too few to show is not in this interval)")
     assert [run.planned.segment for run in met.runs] == [False, True]
     assert [run.planned.what for run in met.runs][1:] == ["replication 3"]
     assert verify_file(met.path).whole
