@@ -16,7 +16,7 @@ from proving.strangers.sets import load, opened
 from proving.strangers.shares import alarms, classes
 from rig.errors import UsageError
 
-NEWEST = Path(proving.strangers.__file__).parent / "eighteenth"
+NEWEST = Path(proving.strangers.__file__).parent / "nineteenth"
 
 
 def effects(set: str = "", judged: str = "", sizes: str = "1,2", left_out: int = 0) -> Study:  # noqa: A002 - the option's name
