@@ -3,7 +3,7 @@
 An aimed value is linear in the observations, so its variance by scatter is c' M^-1 c: M is the information of all
 observations, c its change with each coefficient of the declared model. Chosen are the settings whose observations make
 the largest of these variances, over its goal, smallest: a c-optimal design, or a minimax one of several values
-(Atkinson, Donev and Tobias, Optimum Experimental Designs, with SAS, 2007, section 10.3), beside the observations so far.
+(Atkinson, Donev and Tobias, Optimum Experimental Designs, with SAS, 2007, section 10.3), beside the observations made.
 """
 
 from __future__ import annotations
