@@ -246,7 +246,8 @@ class Conductor:
             self._evaluated()  # what a further run tells comes before what it means for the goal
         further = partial(self._decision, closing=False)
         try:
-            step = for_goal(goal, self.evaluation, procedure.replications, left_h, loop_h, further)
+            stands = self.between.stands_at
+            step = for_goal(goal, self.evaluation, procedure.replications, left_h, loop_h, further, stands)
         except FAULTS as error:
             step = GoalStep(None, f"the goal cannot be judged: {error}")
         if step.decision is not None:

@@ -42,6 +42,11 @@ class Next:
     part: float = 1.0
     run: Variation | None = None
 
+    @property
+    def takes(self) -> str:
+        """The begin of a sentence about its time."""
+        return f"{self.what} take{'s' if self.run is None else ''}"
+
 
 @dataclass(frozen=True)
 class Look:
@@ -100,8 +105,8 @@ def looked(
     if made.count >= goal.most_replications or total > 2 * goal.most_replications:
         return Look(None, f"the goal cannot be met: {said}, and most_replications = {goal.most_replications}")
     if step.hours * (1.0 + ALLOWANCE) + PARKING_H > left_h:
-        return Look(None, f"no time is left for the goal: {said}; {step.what} takes {duration(3600.0 * step.hours)}")
-    said += f"; {step.what} takes {duration(3600.0 * step.hours)} of {duration(3600.0 * left_h)}"
+        return Look(None, f"no time is left for the goal: {said}; {step.takes} {duration(3600.0 * step.hours)}")
+    said += f"; {step.takes} {duration(3600.0 * step.hours)} of {duration(3600.0 * left_h)}"
     most = math.ceil((goal.most_replications - made.count) / step.part)
     return Look(step, said, min(needed, most))
 

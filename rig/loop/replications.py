@@ -49,6 +49,7 @@ def for_goal(
     left_h: float,
     loop_h: float,
     decision: Callable[..., Decision],
+    stands_degC: float | None = None,
 ) -> GoalStep:
     """The next step, by all runs so far.
 
@@ -59,12 +60,15 @@ def for_goal(
         left_h: time left for replications, hours.
         loop_h: time left for the loop, hours.
         decision: gives the best further run, by its gain per hour; asked if one more replication would be made.
+        stands_degC: setting at which the environment stands; None if it would settle before added points.
 
     Raises:
         RigError: the goal cannot be judged, or a file cannot be read; `DataError` and `FitError` likewise.
     """
     program, told = evaluation.program, evaluation.told
-    of = candidates(evaluation.first) if goal.add == "points" else None
+    first = evaluation.first
+    standing = replace(first, confirming=first.confirming.at_rest(stands_degC))
+    of = candidates(standing) if goal.add == "points" else None
     made, last = made_by(goal, program, replications, 1.0 if of is None else of.part), program.runs[-1]
     added = partial(_added, of, made, each_h(program.runs, replications))
     look = looked(goal, made, added, left_h, None if told is None else confirmed_model(evaluation.first, told))
@@ -74,7 +78,6 @@ def for_goal(
         return GoalStep(None, f"run {last.planned.number} ({last.planned.what}) ended by a fault; {look.why}")
     if touched := evaluation.touched:
         return GoalStep(None, f"no replication is added after somebody changed the bench in {touched}; {look.why}")
-    first = evaluation.first
     asked = open_questions(first, told, alone=program.bounds.bounds.stop_when == "alone")
     if not asked:
         return GoalStep(look.more, look.why)

@@ -11,6 +11,7 @@ import pytest
 from test_goal import EVALUATIONS, why, with_goal
 
 from proving.crashes.loops import CrashedLoop
+from proving.loops import KINDS, files_of, loop_in
 from rig.bench.config import parse_toml
 from rig.loop import Program
 from rig.loop.best_points import Candidates, candidates, chosen_points
@@ -91,3 +92,19 @@ def test_a_goal_of_outputs_is_made_of_the_same_coefficients(first: First, met: P
     assert left[1000.0][0] == {1000.0}
     rows, more = 2 * of.replication, of.step
     assert left[0.0][1] == pytest.approx(rows / (rows + more), rel=0.05)
+
+
+def test_a_sensitivity_is_known_best_near_one_g_and_the_enclosure_need_not_settle_again(tmp_path: Path):
+    """The forecast had the settling of a first run in it, 37 min for points of 8."""
+    world = KINDS["attitude"](2)
+    world.procedure["goal"] = {"sigma": {"S_V": 5.5e-6}, "most_replications": 12, "add": "points"}
+    files_of("attitude", world, tmp_path)
+    program = loop_in(tmp_path, considered=lambda _first, **_how: ())
+    assert why(program).startswith("the goal is met with 3 replications and ")
+    added = [run for run in program.runs if run.planned.segment]
+    assert added
+    for run in added:
+        pitches = [pitch for pitch, _ in parse_toml(run.planned.procedure, "")["design"]["points_deg"]]
+        assert len(pitches) == 12  # each replication has an alignment of its own
+        assert min(abs(np.sin(np.radians(pitches)))) > 0.6
+        assert run.ended.took_s == pytest.approx(3600.0 * run.planned.hours, rel=0.25)
