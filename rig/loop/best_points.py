@@ -170,6 +170,8 @@ def chosen_points(of: Candidates, made: Made, over: Mapping[str, float]) -> Best
         over: variances by scatter of the aimed values, over what their goals allow, by name.
     """
     both = of.both
+    if len({own.shape[1] for own in both.declared}) > 1:
+        return None  # sensors have different models, and one choice of points is made for all
     if len(made.table) != int((~both.fresh).sum()) or not set(both.sensors) <= set(made.table.columns):
         return None
     start = made.values(made.table)

@@ -121,8 +121,7 @@ def open_words(first: First) -> str:
 def not_fewer(first: First, question: Question) -> bool:
     """Whether a question has many explanations, and the further runs have excluded none of them.
 
-    Such a run was planned to exclude most of them, whichever is true. It is then no better known than before what to
-    look for, and the night would go by with runs like it.
+    These runs were planned to tell them apart. Others like them would take the rest of the night.
     """
     before = next((len(one.members) for one in first.questions if one.effect == question.effect), 0)
     return len(question.members) > MANY and len(question.members) >= before
@@ -159,8 +158,8 @@ def decide(
     assert asked is not None  # there are questions
     words = open_words(asked)
     if told is not None and all(not_fewer(first, question) for question in asked.questions):
-        why = f"{words}; the further runs leave as many explanations as before, which no run of the bench tells apart"
-        return Decision(None, f"{why}: what was found is near the noise, or none of them", settled)
+        why = f"{words}; the further runs leave as many explanations as before, so no other run is made"
+        return Decision(None, f"{why}: the finding is near the noise, or its cause is none of them", settled)
     alone = all(sum(not member.near for member in one.members) == 1 for one in asked.questions)
     if bounds.stop_when == "explained" and alone:
         return Decision(
